@@ -12,6 +12,7 @@ from refusals import refused
 from typer.testing import CliRunner
 
 from benchmarks.real import CAMPAIGNS
+from cutbench.calibration.fitting import with_one_detail
 from cutbench.case.case import load_case
 from cutbench.case.model import DEFAULT, PAPER
 from cutbench.cli.main import app
@@ -91,7 +92,7 @@ def test_a_campaign_cuts_with_the_blade_of_its_material(wedged):
 def test_all_cuts_of_a_fit_have_elements_of_one_size(wedged):
     campaign = wedged()
     (cut,) = campaign.experiments
-    sizes = [cut_case(cut, campaign.base.set(cohesion=c)).sizes for c in (5, 40)]
+    sizes = [cut_case(cut, with_one_detail(campaign).set(cohesion=c)).sizes for c in (5, 40)]
     assert sizes[0] == sizes[1] and sizes[0].detail_mm == pytest.approx(6 * 0.04)
 
 

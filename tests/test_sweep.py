@@ -24,6 +24,7 @@ from rich.console import Console
 from cutbench.cli.progress import bar
 from cutbench.maps.atlas_map import write_estimated
 from cutbench.maps.dataset import LABELS, load_map
+from cutbench.maps.forecast import forecast
 from cutbench.maps.map_cases import case_on
 from cutbench.maps.study import load_study
 from cutbench.maps.sweep import run_study
@@ -354,7 +355,9 @@ def test_sweeps_of_two_machines_are_one_map(tmp_path, log):
         return undrawn(load_study(path), tmp_path / name, workers=0, run=analytic_runs.fake_run, **how)
 
     apart = [swept(f"s{seed}", seed) for seed in (1, 2)]
-    both = swept("both", [1, 2], also=[tmp_path / "s1" / "runs", tmp_path / "s2" / "runs"])
+    stores = [tmp_path / "s1" / "runs", tmp_path / "s2" / "runs"]
+    both = swept("both", [1, 2], also=stores)
+    assert forecast(load_study(tmp_path / "both.toml"), tmp_path / "none yet", also=stores).max_runs == 0
     assert both.status.reused == both.status.total == sum(each.status.total for each in apart)
     assert len(computed(log)) == both.status.total
     with refused("also"):

@@ -31,7 +31,7 @@ from cutbench.calibration.parameters import FreeParameter, free_parameters
 from cutbench.calibration.posterior import Estimated, Posterior
 from cutbench.calibration.prediction import Predictions
 from cutbench.case.case import Case
-from cutbench.data.campaign import Campaign
+from cutbench.data.campaign import Campaign, cut_case
 from cutbench.data.discrepancy import degrees_of_freedom, discrepancy_mean
 from cutbench.data.experiment import Experiment
 from cutbench.data.fields import laid_out
@@ -47,7 +47,7 @@ REGIMES = ("indentation", "onset", "transition", "steady")
 #: A model that misses more than this part of a curve's maximum is far from the data.
 FAR = 0.05
 #: Of intervals, and how far in q a parameter has moved that is not where it began.
-LEVEL, MOVED = 0.95, 1e-6
+LEVEL, UNMOVED = 0.95, 1e-6
 #: How a fit ends.
 CONVERGED, STOPPED, INTERRUPTED, LATE = "converged", "stopped", "interrupted", "out of time"
 UNDER_WAY = "under way"
@@ -406,6 +406,18 @@ def runs_for(
         yield CutRuns(pool, None if store is None else Path(store), Until(time.monotonic() + limit_s))
 
 
+def with_one_detail(campaign: Campaign) -> Case:
+    """The start of a fit. Where an edge or a cohesive zone is finer than the blade, elements keep the size
+    that they ask for there, whatever values are tried: so what is predicted is smooth."""
+    cuts = [cut_case(e, campaign.base) for e in campaign.train if e.kind == "cut"]
+    finest = min((cut.sizes.detail_mm / cut.unit_mm for cut in cuts), default=1.0)
+    return (
+        campaign.base
+        if campaign.base.numerics.detail or finest > 1 - 1e-9
+        else campaign.base.set(detail=finest)
+    )
+
+
 class Fitting:
     """A fit under way: what is known until now is a result at any time."""
 
@@ -422,7 +434,9 @@ class Fitting:
         self.campaign, self.runs, self.refine, self._on_progress = campaign, runs, refine, on_progress
         grids = {e.id: e.on_grid(GRID) for e in campaign.experiments}
         names = [u.name for u in parameters]
-        self.posterior = Posterior.of(Predictions(campaign, campaign.base, grids, runs, names), parameters)
+        self.posterior = Posterior.of(
+            Predictions(campaign, with_one_detail(campaign), grids, runs, names), parameters
+        )
         self.best: Estimated | None = None
         self.status, self.fixed = UNDER_WAY, dict[str, str]()
         # Nothing is known of it before the cuts where the search begins.
@@ -445,7 +459,8 @@ class Fitting:
             self.status = CONVERGED if self.best is not None and self.best.settled else STOPPED
         except KeyboardInterrupt:
             self.status = LATE if time.monotonic() >= due else INTERRUPTED
-            self.best = best_known(self.posterior, self.best)
+            # What has a formula alone would be fitted after all.
+            self.best = best_known(self.posterior, self.best) if self.posterior.tests_with_runs else self.best
         self.runs.check = ALWAYS  # what is known can be asked
 
     def result(self, profile: Sequence[str] = ()) -> Fit:
@@ -480,7 +495,7 @@ class Fitting:
 
     def _message(self, compared: Sequence[ComparedCurve]) -> str:
         if self.status not in (CONVERGED, STOPPED):
-            moved = self.best is not None and bool(np.any(np.abs(self.best.q) > MOVED))
+            moved = self.best is not None and bool(np.any(np.abs(self.best.q) > UNMOVED))
             reached = "the best that is known" if moved else "the start's, nothing is fitted"
             return f"{self.status} after {self.runs.count} cuts, before a maximum: values are {reached}"
         off, id = max(((c.misfit, c.experiment.id) for c in compared), default=(0.0, ""))
@@ -495,7 +510,7 @@ def _estimates(
     if best is None or not done:  # where a search happens to stand is no estimate
         nan = [
             Estimate(u, u.value(x), math.nan, math.nan, math.nan, math.nan, False, moves)
-            for u, x, moves in zip(posterior.parameters, q, (np.abs(q) > MOVED).tolist(), strict=True)
+            for u, x, moves in zip(posterior.parameters, q, (np.abs(q) > UNMOVED).tolist(), strict=True)
         ]
         return np.full((k, k), np.nan), tuple(nan)
     covariance, found, inside = best.covariance, [], posterior.inside(q)
@@ -505,7 +520,7 @@ def _estimates(
         reach = float(stats.t.ppf((1 + LEVEL) / 2, dof[i])) * sd
         down = u.value(q[i] - reach) if u.logarithmic else u.value(max(q[i] - reach, low[i]))
         spread = down, u.value(q[i] + reach), sd * u.slope(q[i]), float(dof[i])
-        found.append(Estimate(u, u.value(q[i]), *spread, not bool(inside[i]), bool(abs(q[i]) > MOVED)))
+        found.append(Estimate(u, u.value(q[i]), *spread, not bool(inside[i]), bool(abs(q[i]) > UNMOVED)))
     return covariance, tuple(found)
 
 

@@ -7,7 +7,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -36,7 +36,7 @@ from cutbench.mechanisms import Tool, Volumetric, registry
 #: Places in time at which the way of a blade that holds or returns is read off, before it is simplified.
 MOTION = 120
 #: Speeds within this factor are one.
-SAME_SPEED = 1.2
+EVEN_SPEED = 1.2
 _TOP = ("title", "material", "baseline", "candidates", "parameters", "numerics", "fit", "experiment")
 
 
@@ -247,7 +247,7 @@ def _uneven(motion: Polyline) -> bool:
     """Whether the blade's speed differs between the parts of its way."""
     times, travels = zip(*motion, strict=True)
     speeds = np.diff(travels) / np.diff(times)
-    return bool(speeds.max() > SAME_SPEED * speeds.min())
+    return bool(speeds.max() > EVEN_SPEED * speeds.min())
 
 
 @lru_cache(maxsize=64)  # asked for each case of a search
@@ -427,19 +427,10 @@ def load_campaign(path: str | Path) -> Campaign:
     for number, made in zip(numbers, experiments, strict=True):
         with errors_at_experiment(path, text, number):
             _check(made, base)
-    cuts = [cut_case(e, base) for e in experiments if e.kind == "cut"]
-    base = _with_one_detail(base, cuts)
+    cuts = (cut_case(e, base) for e in experiments if e.kind == "cut")
     notes += tuple(dict.fromkeys(sentence for cut in cuts for sentence in cut.doubts))
     with located(path, text):
         return Campaign(title, base, tuple(experiments), candidates, plan, path, notes, material)
-
-
-def _with_one_detail(base: Case, cuts: Sequence[Case]) -> Case:
-    """Where an edge or a cohesive zone is finer than the blade, elements keep the size that they ask for at
-    the start, whatever values a fit tries: so what it predicts is smooth."""
-    finest = min((cut.sizes.detail_mm / cut.unit_mm for cut in cuts), default=1.0)
-    chosen = base.numerics.detail or finest > 1 - 1e-9
-    return base if chosen else base.set(detail=finest)
 
 
 def _check(experiment: Experiment, base: Case) -> None:

@@ -47,7 +47,7 @@ _RULE = re.compile(r"\s*(\S.*?)\s*(>=|<=|!=|>|<)\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?
 #: clamp displacements go to 0, and do not fall to it.
 NEAREST, STILL = 8, 0.05
 #: Displacements above this part of the spacing show in positions after deformation.
-MOVED = 0.02
+DISPLACED = 0.02
 #: Points of a field that a fit compares, at the most: neighbours say much the same.
 POINTS = 150
 
@@ -213,7 +213,7 @@ def _stays(path: Path, fields: Sequence[Field]) -> str:
     for a, b in pairwise(fields):
         one, other = ({(x, y) for x, y in f.grid[:, np.isfinite(f.u[0])].T} for f in (a, b))
         moved = max(float(np.nanmax(np.abs(f.u))) for f in (a, b))
-        if len(one & other) > 0.9 * min(len(one), len(other)) and moved > MOVED * np.diff(a.x).min():
+        if len(one & other) > 0.9 * min(len(one), len(other)) and moved > DISPLACED * np.diff(a.x).min():
             return (
                 f"{path.name}: the points at {a.travel_mm:g} and {b.travel_mm:g} mm are the same, as"
                 " positions before deformation are: configuration = 'reference' (--reference) reads them so,"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -53,23 +54,29 @@ class Forecast:
         )
 
 
-def forecast(study: Study, store: str | os.PathLike[str], workers: int | None = None) -> Forecast:
-    """What ``run_study`` would compute with the runs that are in the folder ``store``, there or not."""
-    plan, runs = plan_of(study), Store(store) if Path(store).is_dir() else None
+def forecast(
+    study: Study,
+    store: str | os.PathLike[str],
+    workers: int | None = None,
+    also: Sequence[str | os.PathLike[str]] = (),
+) -> Forecast:
+    """What ``run_study`` would compute with the runs that are in the folder ``store``, there or not, and in
+    those that are there ``also``."""
+    plan, stores = plan_of(study), [Store(each) for each in (store, *also) if Path(each).is_dir()]
     rows: dict[str, MapRow] = {}
     missing: set[str] = set()
     times: list[float] = []
     while not missing and (asked := [case for case in plan.ask(rows) if case.id not in rows]):
         for case in asked:
-            result = runs.get(case.id) if runs else None
+            result = next((run for each in stores if (run := each.get(case.id)) is not None), None)
             if result is None:
                 missing.add(case.id)
             else:
                 rows[case.id] = row_of(result, study.regime)
                 times.append(result.timings.get("total", 0.0))
-    if not times and runs is not None:
-        alike = study.base.to_dict()["numerics"]
-        times = [head["seconds"] for head in runs.heads().values()
+    if not times:
+        alike, heads = study.base.to_dict()["numerics"], [h for each in stores for h in each.heads().values()]
+        times = [head["seconds"] for head in heads
                  if head["seconds"] and head["numerics"] == alike
                  and head["computation"] == study.base.computation]  # fmt: skip
     most = plan.max_runs - len(rows) if study.search and missing else len(missing)

@@ -49,7 +49,9 @@ def sweep(
     from cutbench.maps.sweep import run_study
 
     if estimate:
-        for option, value in (("--workers", workers), ("--scheduler", scheduler), ("--store", store)):
+        for option, value in zip(
+            ("--workers", "--scheduler", "--store", "--also"), (workers, scheduler, store, also), strict=True
+        ):
             if value is not None:
                 raise BadInput(option, str(value), "none with --estimate, which runs nothing")
     out = out or Path("maps") / (f"{study.stem}-estimate" if estimate else study.stem)
@@ -57,7 +59,7 @@ def sweep(
     if dry_run:
         from cutbench.maps.forecast import forecast
 
-        typer.echo(forecast(plan, store or out / "runs", processes).text())
+        typer.echo(forecast(plan, store or out / "runs", processes, also or ()).text())
         return
     locked_folder(out)
     if estimate:
