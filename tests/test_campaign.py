@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 
 from benchmarks.real import CAMPAIGNS
 from cutbench.calibration.fitting import with_one_detail
+from cutbench.calibration.parameters import free_parameters
 from cutbench.case.case import load_case
 from cutbench.case.model import DEFAULT, PAPER
 from cutbench.cli.main import app
@@ -84,6 +85,8 @@ def wedged(folder):
 def test_a_campaign_cuts_with_the_blade_of_its_material(wedged):
     campaign = wedged()
     assert "wedge" in campaign.model.mechanisms and campaign.base.p.edge_radius == pytest.approx(0.04)
+    # How it lies is set, and nothing that a fit looks for by itself.
+    assert not {"tilt", "incline", "overhang"} & {u.name for u in free_parameters(campaign)}
     blade = '{ thickness = "0.5 mm", angle = "30 deg", edge_radius = "20 um" }'
     p = cut_case(wedged(blade=blade).experiments[0], wedged(blade=blade).base).p
     assert (p.angle, p.edge_radius) == pytest.approx((np.radians(30), 0.02))

@@ -34,7 +34,6 @@ ROLES = {
     "pure_shear": _FORCES,
     "equibiaxial": ("stretch", "stress", "time"),
 }
-UNITS = {"displacement": "mm", "force": "N", "time": "s", "stretch": "1", "stress": "MPa"}
 _LIKE = {
     "displacement": r"dis|trav|ext|way|weg|elong|position|^u\b",
     "force": r"force|load|kraft|^f\b",

@@ -12,7 +12,6 @@ from cutbench.app.bench import Bench, JobWatch, alert, choice, refusals, upload
 from cutbench.app.campaigns import (
     KINDS,
     ROLES,
-    UNITS,
     column_names,
     keep_file,
     likely_columns,
@@ -26,6 +25,7 @@ from cutbench.base.figure_style import svg_of
 from cutbench.case.case import Case
 from cutbench.data.campaign import Campaign, load_campaign
 from cutbench.data.conversion import TAKEN_OFF
+from cutbench.data.layout import UNITS
 
 _TASKS = {"fit": run_fit, "discover": run_discovery}
 _ZERO = {"": "at zero, as recorded", "auto": "found in the curve"}

@@ -497,7 +497,7 @@ class Fitting:
         if self.status not in (CONVERGED, STOPPED):
             moved = self.best is not None and bool(np.any(np.abs(self.best.q) > UNMOVED))
             reached = "the best that is known" if moved else "the start's, nothing is fitted"
-            return f"{self.status} after {self.runs.count} cuts, before a maximum: values are {reached}"
+            return f"{self.status} before a maximum, cuts computed: {self.runs.count}; values are {reached}"
         off, id = max(((c.misfit, c.experiment.id) for c in compared), default=(0.0, ""))
         return self.status + (f", at a misfit of {100 * off:.0f} % of the maximum in '{id}'" * (off > FAR))
 

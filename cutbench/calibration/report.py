@@ -52,7 +52,7 @@ def summary(fit: Fit) -> str:
         fit.campaign.title,
         *([f"  {fit.far}"] if fit.far else []),
         f"  model: {fit.case.model.described}",
-        f"  {fit.status}: {fit.message}" if fit.message != fit.status else f"  {fit.status}",
+        f"  {fit.message}",
         f"  {fit.readings} values, {k} parameter{'s' if k != 1 else ''}, chi2 = {fit.chi2:.4g},"
         f" reduced {fit.reduced_chi2:.3g}, {fit.runs} cuts computed, {fit.seconds:.0f} s",
     ]

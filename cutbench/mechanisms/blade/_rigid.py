@@ -20,6 +20,7 @@ PLACED: tuple[Parameter, ...] = (
         low=-30,
         high=30,
         default=0.0,
+        sought=False,
     ),
     Parameter(
         "incline",
@@ -29,6 +30,7 @@ PLACED: tuple[Parameter, ...] = (
         low=-45,
         high=45,
         default=0.0,
+        sought=False,
     ),
     Parameter(
         "overhang",
@@ -36,6 +38,7 @@ PLACED: tuple[Parameter, ...] = (
         "l_o",
         "length of the blade beyond each end of the specimen, negative where it is shorter",
         default=0.0,
+        sought=False,
     ),
 )
 
