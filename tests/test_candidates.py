@@ -157,6 +157,39 @@ def test_what_a_branch_has_dissipated_is_work_less_energy():
     assert work == pytest.approx(np.pi * 0.5 * G * x / (1 + x**2) * gamma**2, rel=5e-3)
 
 
+# -- a branch that yields --------------------------------------------------------------------------
+PLASTIC = {"g_Y": 2.0, "sigma_Y": 0.01}
+
+
+def pulled(stretches, dt=1.0) -> list[float]:
+    """True stress of the yielding branch in uniaxial tension, along a path of stretches."""
+    p, law = parameters(**PLASTIC), LAW["yielding"]
+    state, stresses = law.start(1, p), []
+    for x in stretches:
+        P, state = law.stress(tension(x), p, state, at_rest(dt=dt))
+        stresses.append(tension_stress(P, tension(x)) * x)
+    return stresses
+
+
+def test_a_branch_yields_at_its_stress_and_unloads_as_a_spring():
+    strain = PLASTIC["sigma_Y"] / (3 * PLASTIC["g_Y"] * G)
+    before = pulled([1 + strain / 2])[0]
+    assert before == pytest.approx(3 * PLASTIC["g_Y"] * G * strain / 2, rel=0.05)
+    loading = [*np.linspace(1, 1.6, 601)]
+    stresses = pulled([*loading, 1.59])
+    assert stresses[-2] == pytest.approx(PLASTIC["sigma_Y"], rel=1e-2)
+    assert stresses[150] == pytest.approx(stresses[-2], rel=1e-2)
+    slope = (stresses[-2] - stresses[-1]) / np.log(1.6 / 1.59)
+    assert slope == pytest.approx(3 * PLASTIC["g_Y"] * G, rel=0.1)
+    assert pulled(loading, dt=1e-6) == pulled(loading, dt=1e6), "it is the same at any rate"
+
+
+def test_the_flow_converges_at_first_order():
+    ends = [pulled(np.linspace(1, 2, n + 1)[1:])[-1] for n in (20, 40, 80, 2560)]
+    errors = [abs(end - ends[-1]) for end in ends[:-1]]
+    assert 1.8 < errors[0] / errors[1] < 2.3 and 1.8 < errors[1] / errors[2] < 2.3
+
+
 # -- Mullins ---------------------------------------------------------------------------------------
 def root(z):
     """What is lost of ς with ``steep_mullins``, z₀ = 0.01."""
@@ -250,6 +283,16 @@ def test_toughness_grows_with_the_logarithm_of_the_rate():
     np.testing.assert_allclose(extra, 0.3 * np.log(1 + 0.02 / 0.01) * T, rtol=1e-12)
     back = at_rest(jump_old=2 * jump, dt=2.0, before=at.before)
     assert not LAW["rate_toughness"].traction(jump, p, {}, back)[0].any(), "closing is not resisted"
+
+
+@pytest.mark.parametrize("exponent", [0.3, 0.5, 1.0])
+def test_toughness_grows_as_a_power_of_the_rate(exponent):
+    law = LAW["power_toughness"]
+    p = parameters(inv_v_0=50.0, rate_exponent=exponent)
+    assert law.growth(np.array([0.02]), p) == pytest.approx(1, rel=0.01)
+    slow, fast = law.growth(np.array([20.0, 2000.0]), p)
+    assert np.log(fast / slow) / np.log(100) == pytest.approx(exponent, rel=1e-3)
+    assert law.growth(np.array([0.0]), p) == 0
 
 
 # -- blade -----------------------------------------------------------------------------------------

@@ -34,6 +34,10 @@ class RateToughness(Cut):
     def groups(self, p):
         return {"rate toughening": p.rate_toughening, "v/v_c": p.speed / p.rate_reference}
 
+    def growth(self, rate, p):
+        """Relative growth of the toughness (N,) at opening rates (N,), mm/s."""
+        return p.rate_toughening * np.log(1 + rate / p.rate_reference)
+
     def traction(self, jump, p, state, at):
         now, old = squared_opening(jump, p), squared_opening(at.jump_old, p)
         opens = now.real > old.real
@@ -42,7 +46,7 @@ class RateToughness(Cut):
         delta_old = np.where(old_is_zero, 0, np.sqrt(np.where(old_is_zero, 1.0, old)))
         delta = np.sqrt(np.where(opens, now, 1.0))
         rate = np.where(opens, (delta - delta_old) / at.dt, 0)
-        T = p.rate_toughening * np.log(1 + rate / p.rate_reference) * at.before["cohesive"].traction
+        T = self.growth(rate, p) * at.before["cohesive"].traction
         # What resists closing is contact, not cohesion.
         T[0] = np.where(jump[0].real > 0, T[0], 0)
         return T, {}
