@@ -63,6 +63,19 @@ class Outcome:
         return f"{self.kind}: {self.message}" + (f" {self.advice}" if self.advice else "")
 
 
+def friction_advice(case: Case, onset_mm: float) -> str:
+    """What there is to know of a blade that rubs and has not cut; empty for any other."""
+    laws = [law for law in case.model.laws("blade") if law.role == "friction"]
+    rubs = {name: off for law in laws for name, off in law.off.items() if case.values[name] != off}
+    if not rubs or not math.isnan(onset_mm):
+        return ""
+    without = ", ".join(f"{name} = {off:g}" for name, off in rubs.items())
+    return (
+        "Friction may hold the surface under the edge, so that it is pressed in and not stretched: a run with"
+        f" {without} says whether. Friction that saturates lets an edge enter."
+    )
+
+
 def run_sentence(
     case: Case, outcome: Outcome, measures: Mapping[str, float], band: tuple[float, float] | None = None
 ) -> str:

@@ -22,6 +22,7 @@ from cutbench.run.front import Front, Middle
 from cutbench.run.ledger import Ledger, freed_rel, jumps_advice, jumps_rel
 from cutbench.run.measures import forward, measures
 from cutbench.run.observer import Observer
+from cutbench.run.outcome import friction_advice
 from cutbench.run.remeshing import Place, RemeshedMarch, Transfer
 from cutbench.run.result import OnStep, Result, unwatched
 from cutbench.run.self_intersection import SelfIntersection
@@ -204,6 +205,7 @@ class _Run:
             found |= observer.measures()
         cautions = [*(observer.caution for observer in self._observers)]
         cautions.append(jumps_advice(case, found.get("jumps_rel", 0.0)))
+        cautions.append(friction_advice(case, found.get("onset_mm", math.nan)))
         caution = " ".join(filter(None, cautions))
         outcome = self._stopping.outcome(interrupted, stalled, built.march.rules.smallest, caution)
         self._fields.end(early=self._stopping.known() or not outcome.done)

@@ -1,0 +1,104 @@
+"""Pictures of the gallery."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from cutbench.base.figure_style import COLOURS, DOUBLE_MM, GREY, new_figure, save, style
+from cutbench.run.result import Result
+from studies.gallery.experiments import (
+    COULOMB,
+    ENTERING,
+    EXPERIMENTS,
+    G_C,
+    SATURATING,
+    WIRES,
+    WIRES_MM,
+)
+from studies.gallery.runs import onset, steady
+
+#: Onsets that are published, and their errors, mm.
+MEASURED = {"gelatin": (4.19, 0.3), "elastomer": (1.56, 0.3)}
+ORDER = tuple(COLOURS[name] for name in ("black", "blue", "vermilion", "green", "orange", "purple"))
+
+
+def wires(axes: Axes, found: Mapping[object, Result]) -> None:
+    """F/b over the diameter, a line a friction, and the rope's law at one diameter."""
+    for name, colour, text in (("no friction", "black", "μ = 0"), ("friction", "blue", "μ = 0.3")):
+        axes.plot(
+            WIRES_MM,
+            [steady(found[name, d]) / G_C for d in WIRES_MM],
+            "o-",
+            ms=4,
+            color=COLOURS[colour],
+            label=text,
+        )
+    at, frictions = 0.5, (0.1, 0.2)
+    for mu, marker in zip(frictions, ("s", "^"), strict=True):
+        value = steady(found[mu]) / G_C
+        axes.plot([at], [value], marker, color=COLOURS["vermilion"], ms=4, label=f"μ = {mu:g}")
+    axes.set(xlabel="diameter of the wire, d (mm)", ylabel="F/(b G_c)", xlim=(0, None), ylim=(0, None))
+    axes.legend(frameon=False)
+
+
+def entering(axes: Axes, found: Mapping[object, Result], material: str) -> None:
+    """Onset over friction, proportional to the pressure and saturating; what is not cut is at the top."""
+    top = max(run.case.p.depth for run in found.values() if run.case.name.startswith(material))
+    for law, points, colour, marker in (
+        ("coulomb", COULOMB[material], "vermilion", "o"),
+        ("saturating", (0.0, *SATURATING[material]), "blue", "s"),
+    ):
+        of = {0.0: "coulomb"}
+        values = [onset(found[material, of.get(mu, law), mu]) for mu in points]
+        cut = [(mu, y) for mu, y in zip(points, values, strict=True) if not math.isnan(y)]
+        text = "proportional to the pressure" if law == "coulomb" else "saturates at the pressure G"
+        axes.plot(*np.array(cut).T, marker=marker, ms=4, color=COLOURS[colour], label=text)
+        held = [mu for mu, y in zip(points, values, strict=True) if math.isnan(y)]
+        axes.plot(held, [top] * len(held), "^", mfc="white", color=COLOURS[colour], ms=5)
+    if material in MEASURED:
+        value, error = MEASURED[material]
+        axes.axhspan(value - error, value + error, color=COLOURS["orange"], alpha=0.3, lw=0, label="measured")
+    axes.set(title=material, xlabel="friction coefficient μ", ylim=(0, top * 1.08))
+
+
+def all_of_them(axes: Axes, found: Mapping[str, Mapping[object, Result]]) -> None:
+    """F/(b G_c) over r E/G_c, an experiment a symbol."""
+    for k, (title, results) in enumerate(found.items()):
+        points = []
+        for result in results.values():
+            p, F = result.case.p, steady(result) / result.case.p.G_c
+            E = 2 * (1 + p.nu) * p.G * (1 + getattr(p, "g_Y", 0.0))
+            radius = getattr(p, "edge_radius", p.thickness / 2)
+            points.append((radius * E / p.G_c, F))
+        x, y = np.array(points).T
+        axes.loglog(x, y, "osD^v<"[k], ms=4, color=ORDER[k], label=title)
+    axes.axhline(1, color=GREY, lw=0.8, zorder=0)
+    axes.set(xlabel="sharpness, r E/G_c", ylabel="F/(b G_c) in steady cutting")
+    axes.legend(frameon=False, fontsize=6)
+
+
+def pictures(results: Mapping[str, Result], out: Path) -> None:
+    """friction.png, wires.png and experiments.png."""
+    by = {e.title: {name: results[run.case.id] for name, run in e.runs.items()} for e in EXPERIMENTS}
+    entered = {name: results[run.case.id] for name, run in ENTERING.items()}
+    with style():
+        figure = new_figure(DOUBLE_MM, 65)
+        panels = figure.subplots(1, 3)
+        for panel, material in zip(panels, COULOMB, strict=True):
+            entering(panel, entered, material)
+        panels[0].set_ylabel("travel at which the cut begins (mm)")
+        panels[1].legend(frameon=False, fontsize=6)
+        save(figure, out / "friction.png")
+        figure = new_figure(DOUBLE_MM / 2, 65)
+        wires(figure.subplots(), {name: results[run.case.id] for name, run in WIRES.items()})
+        save(figure, out / "wires.png")
+        figure = new_figure(DOUBLE_MM / 1.5, 85)
+        all_of_them(
+            figure.subplots(), {title: of for title, of in by.items() if title != EXPERIMENTS[0].title}
+        )
+        save(figure, out / "experiments.png")
