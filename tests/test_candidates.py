@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from looped import over
 from refusals import refused
 from scipy.integrate import quad
 
@@ -351,7 +352,7 @@ def test_there_are_the_candidates_of_the_catalogue():
     assert len(CANDIDATES) >= 18
 
 
-@pytest.mark.parametrize("name", CANDIDATES)
+@over("name", CANDIDATES)
 @pytest.mark.parametrize("base", [DEFAULT, PAPER])
 def test_every_candidate_extends_a_model(name, base):
     if name == "compact_cohesion" and base == PAPER:

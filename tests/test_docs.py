@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
+from looped import over
 from refusals import MESSAGE
 from typer.testing import CliRunner
 
@@ -179,7 +180,7 @@ def test_the_main_command_names_a_study_that_is_there():
     assert max(load_study(study).shape) > 1
 
 
-@pytest.mark.parametrize("name", material_names())
+@over("name", material_names())
 def test_materials_are_as_the_page_says(name):
     text = (ROOT / "docs" / "reference" / "materials.md").read_text(encoding="utf-8")
     rows = re.findall(rf"^\| *{name} *\|(.*)\|$", text, re.M)
@@ -193,7 +194,7 @@ def test_every_reference_problem_has_its_line():
     assert re.findall(r"^\| `(\w+)` \|", text, re.M) == [*references()]
 
 
-@pytest.mark.parametrize("page", TEXTS, ids=named)
+@over("page", TEXTS)
 def test_paths_are_there(page):
     """Files and folders of the repository that a page names, and modules that are run with python -m."""
     text = page.read_text(encoding="utf-8")

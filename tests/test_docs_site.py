@@ -11,6 +11,7 @@ from dataclasses import fields
 from pathlib import Path
 
 import pytest
+from looped import over
 
 from cutbench.case.numerics import Numerics
 from cutbench.mechanisms import registry
@@ -65,7 +66,7 @@ def test_the_code_fills_every_table(filled):
         assert field.name == "tuning" or f"\n| `{field.name}` | " in filled[NUMERICS]
 
 
-@pytest.mark.parametrize("page", [*PAGES, *DOCS.parent.glob("*.md")], ids=named)
+@over("page", [*PAGES, *DOCS.parent.glob("*.md")])
 def test_a_page_is_read_in_a_few_minutes(page):
     text = WRITTEN.sub("", page.read_text("utf-8"))
     assert len(text.split()) <= WORDS, f"{named(page)}: part it, or let a program write its tables"

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from looped import over
 from test_candidates import LAW, parameters
 from test_candidates_runs import SMALL
 
@@ -61,7 +62,7 @@ def test_a_cut_by_a_law_of_speed_is_what_the_law_says_that_it_is_like(name):
     np.testing.assert_allclose(a, b, rtol=0, atol=2e-3 * b.max())
 
 
-@pytest.mark.parametrize("law", LAW.values(), ids=lambda law: law.name)
+@over("law", LAW.values())
 def test_what_a_law_is_like_is_said_of_what_it_resembles_and_nothing_where_it_is_off(law):
     values = {q.name: q.typical * q.factor for other in LAW.values() for q in other.parameters if q.typical}
     p = parameters(**{**values, **{q.name: q.off_value for q in law.parameters if q.off is not None}})

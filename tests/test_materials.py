@@ -6,6 +6,7 @@ import math
 from pathlib import Path
 
 import pytest
+from looped import over
 from typer.testing import CliRunner
 
 from cutbench import __version__
@@ -116,7 +117,7 @@ def test_mechanisms_are_listed_with_units():
     assert "G_c (J/m^2)" in text
 
 
-@pytest.mark.parametrize("name", list(registry()))
+@over("name", list(registry()))
 def test_every_mechanism_can_be_shown(name):
     m, text = registry()[name], said("mechanisms", name)
     for q in m.parameters:

@@ -6,6 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from form_checks import spaces, step_between
+from looped import over
 from refusals import refused
 from scipy.spatial.transform import Rotation
 from surface_forms import HEIGHT, LENGTH, P, begun, energy, forms, moved, piece
@@ -15,7 +16,7 @@ from cutbench.mechanisms.base import STEP
 from cutbench.run.runner import run_case
 
 LAWS = ("surface_tension", "bending_skin", "film", "surface_gradient")
-every = pytest.mark.parametrize("name", LAWS)
+every = over("name", LAWS)
 parts = pytest.mark.parametrize("part", ["half", "full"])
 
 
@@ -31,8 +32,8 @@ def turned(space, turn: float = 0.7) -> np.ndarray:
 
 
 @spaces
-@every
 @parts
+@every
 def test_forces_are_the_energys_derivative_and_tangents_theirs(dim, order, name, part):
     space, geometry = piece(dim, order, part, 3)
     u = shaken(space)
@@ -51,8 +52,8 @@ def test_forces_are_the_energys_derivative_and_tangents_theirs(dim, order, name,
 
 
 @spaces
-@every
 @parts
+@every
 def test_energy_does_not_see_rotations_nor_forces_push_the_whole(dim, order, name, part):
     space, geometry = piece(dim, order, part, 3)
     # What holds the edges does not turn with them.
