@@ -1,7 +1,7 @@
 """Published experiments of cutting, computed beside what is published.
 
-``python -m studies.gallery --out DIR``, from the project's folder, computes what DIR/runs does not hold yet, writes
-DIR/experiments.json, DIR/experiments.md and pictures. Start it again to go on.
+``python -m studies.gallery --out DIR``, from the project's folder, computes what DIR/runs lacks, and
+writes DIR/experiments.json, DIR/experiments.md and pictures. Start it again to go on.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """The experiments, one by one: what is published, which runs answer it, and what those say.
 
-A finding is *verified* where the number had to come out, *predicted* where nothing was fitted to it, and *fitted*
-where something was; where what is computed does not hold, it is *missed*.
+A finding is *verified* where the number had to come out, *predicted* where nothing was fitted to it, and
+*fitted* where something was; where what is computed does not hold, it is *missed*.
 """
 
 from __future__ import annotations
@@ -129,7 +129,7 @@ EXPERIMENTS = (
                 lambda found: 1e3 * steady(found[0.2]), 129.5, 136.3, 4),
     )),
     Experiment("blades of different edges (McCarthy et al. 2007, 2010)", "blade-edges", EDGES, (
-        Finding("depth of onset: exponent over the edge's radius", "predicted", "above 0: deeper as it is blunter",
+        Finding("depth of onset: exponent over the edge's radius", "predicted", "above 0: blunter, deeper",
                 lambda found: exponent({r: onset(found[r]) for r in EDGES_MM}), 0.05, 2.0, 2),
         Finding("force of onset: exponent over the radius", "predicted", "1: in proportion",
                 lambda found: exponent({r: onset_force(found[r]) for r in EDGES_MM}), 0.7, 1.3, 2),

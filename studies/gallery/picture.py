@@ -66,19 +66,30 @@ def entering(axes: Axes, found: Mapping[object, Result], material: str) -> None:
     axes.set(title=material, xlabel="friction coefficient μ", ylim=(0, top * 1.08))
 
 
+def sharpness(result: Result) -> float:
+    """r E/G_c, with the modulus of all that is stiff at first."""
+    p = result.case.p
+    E = 2 * (1 + p.nu) * p.G * (1 + getattr(p, "g_Y", 0.0))
+    return float(getattr(p, "edge_radius", p.thickness / 2) * E / p.G_c)
+
+
 def all_of_them(axes: Axes, found: Mapping[str, Mapping[object, Result]]) -> None:
-    """F/(b G_c) over r E/G_c, an experiment a symbol."""
+    """F/(b G_c) over r E/G_c of what ends in steady cutting, an experiment a symbol."""
     for k, (title, results) in enumerate(found.items()):
-        points = []
-        for result in results.values():
-            p, F = result.case.p, steady(result) / result.case.p.G_c
-            E = 2 * (1 + p.nu) * p.G * (1 + getattr(p, "g_Y", 0.0))
-            radius = getattr(p, "edge_radius", p.thickness / 2)
-            points.append((radius * E / p.G_c, F))
-        x, y = np.array(points).T
-        axes.loglog(x, y, "osD^v<"[k], ms=4, color=ORDER[k], label=title)
+        points = [(sharpness(r), steady(r) / r.case.p.G_c) for r in results.values()]
+        axes.loglog(*np.array(points).T, "osD^v<"[k], ms=4, color=ORDER[k], label=title)
     axes.axhline(1, color=GREY, lw=0.8, zorder=0)
-    axes.set(xlabel="sharpness, r E/G_c", ylabel="F/(b G_c) in steady cutting")
+    axes.set(xlabel="r E/G_c", ylabel="F/(b G_c) in steady cutting")
+    axes.legend(frameon=False, fontsize=6)
+
+
+def onsets(axes: Axes, found: Mapping[str, Mapping[object, Result]]) -> None:
+    """Onset E/G_c over r E/G_c of blades that enter a whole block."""
+    for k, (title, results) in enumerate(found.items()):
+        cut = [r for r in results.values() if not math.isnan(onset(r))]
+        points = [(sharpness(r), onset(r) * sharpness(r) / r.case.p.edge_radius) for r in cut]
+        axes.loglog(*np.array(points).T, "^v"[k], ms=4, color=ORDER[4 + k], label=title)
+    axes.set(xlabel="r E/G_c", ylabel="onset E/G_c")
     axes.legend(frameon=False, fontsize=6)
 
 
@@ -97,8 +108,9 @@ def pictures(results: Mapping[str, Result], out: Path) -> None:
         figure = new_figure(DOUBLE_MM / 2, 65)
         wires(figure.subplots(), {name: results[run.case.id] for name, run in WIRES.items()})
         save(figure, out / "wires.png")
-        figure = new_figure(DOUBLE_MM / 1.5, 85)
-        all_of_them(
-            figure.subplots(), {title: of for title, of in by.items() if title != EXPERIMENTS[0].title}
-        )
+        figure = new_figure(DOUBLE_MM, 80)
+        left, right = figure.subplots(1, 2)
+        whole = [e.title for e in EXPERIMENTS if not all(run.case.p.precut for run in e.runs.values())]
+        all_of_them(left, {title: of for title, of in by.items() if title not in whole})
+        onsets(right, {title: by[title] for title in whole})
         save(figure, out / "experiments.png")
