@@ -24,7 +24,7 @@ STATEMENTS = {
     "run": 3996,
     "emulator": 818,
     "maps": 3516,
-    "data": 2921,
+    "data": 2909,
     "homogeneous": 462,
     "calibration": 1602,
     "discovery": 1616,

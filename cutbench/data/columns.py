@@ -48,8 +48,8 @@ def require(
 ) -> None:
     """Raise BadInput unless this ``holds``; of a long ``value`` a message shows the beginning."""
     if not holds:
-        shown = str(value) if isinstance(value, Path) else in_short(value)
-        raise BadInput(key, shown, expected, file=None if file is None else str(file), line=line)
+        text = str(value) if isinstance(value, Path) else in_short(value)
+        raise BadInput(key, text, expected, file=None if file is None else str(file), line=line)
 
 
 def lines_of(path: Path) -> list[str]:

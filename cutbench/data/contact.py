@@ -23,6 +23,7 @@ from cutbench.data.columns import require
 from cutbench.data.covariance import roughness
 from cutbench.data.experiment_section import parse_either
 from cutbench.data.repetition import JITTER, Repetition
+from cutbench.data.table import Table
 from cutbench.mechanisms import registry
 
 AUTO = "auto"
@@ -161,28 +162,27 @@ def _misfit(u: np.ndarray, y: np.ndarray, air: float | None, at: float, m: float
 
 # -- zeros that are taken off -------------------------------------------------------------------------
 def zeros_taken_off(
-    read: Mapping[str, np.ndarray], written: Mapping, factors: Mapping[str, float], title: str
-) -> tuple[dict[str, np.ndarray], Contact | None]:
+    table: Table, written: Mapping, factors: Mapping[str, float], title: str
+) -> tuple[Table, Contact | None]:
     """The columns times their factors, displacement from contact and force from its zero, if that is asked
     for; and the contact, in recorded values."""
+    read = table.columns
     zeros, contact = dict.fromkeys(read, 0.0), None
     load = "force" if "force" in read else "stress"
     asked = [key for key in TAKEN_OFF if (key == "zero" and key in written) or written.get(key) == AUTO]
     if asked:
         require("displacement" in read, asked[0], written[asked[0]], "a column of displacement")
-        contact = _contact(read, written, factors, load, title)
-        zeros["displacement"] = contact.at if "zero" in written else 0.0
-    elif "displacement" in read and load in read and not {"from", "force_zero"} & written.keys():
-        _, out, rise, sense, pull = _loading_path(read, factors, load)
-        late = late_contact(out, rise) if np.isfinite([out, rise]).all() else None
-        contact = None if late is None else _in_recorded_units(late, sense, pull, load)
+    if asked or ({"displacement", load} <= read.keys() and not {"from", "force_zero"} & written.keys()):
+        contact = _contact(read, written, factors, load, title, bool(asked))
     if "force_zero" in written:
         zeros[load] = _force_zero(written["force_zero"], load, contact)
     if contact is not None:
+        zeros["displacement"] = contact.at if "zero" in written else 0.0
         off = tuple(what for key, what in TAKEN_OFF.items() if written.get(key) == AUTO)
         told = 0.0 if "force" in off else zeros[load]
         contact = replace(contact, taken_off=off, force=contact.force - told)
-    return {role: factors.get(role, 1.0) * (values - zeros[role]) for role, values in read.items()}, contact
+    moved = {role: factors.get(role, 1.0) * (values - zeros[role]) for role, values in read.items()}
+    return table.having(**moved), contact
 
 
 def _loading_path(
@@ -208,12 +208,16 @@ def _loading_path(
 
 
 def _contact(
-    read: Mapping[str, np.ndarray], written: Mapping, factors: Mapping[str, float], load: str, title: str
-) -> Contact:
+    read: Mapping[str, np.ndarray], written: Mapping, factors: Mapping[str, float], load: str, title: str,
+    asked: bool,
+) -> Contact | None:  # fmt: skip
+    """The contact in recorded values; where nobody ``asked`` for it that of a test that begins before it."""
     first, u, y, sense, pull = _loading_path(read, factors, load)
     zero, tare = written.get("zero", AUTO), written.get("force_zero", AUTO)
-    contact: Contact | str
-    if zero != AUTO:
+    contact: Contact | str | None
+    if not asked:
+        contact = late_contact(u, y) if np.isfinite([u, y]).all() else None
+    elif zero != AUTO:
         at = parse_quantity(zero, "mm", key="zero")
         ends = sorted((float(sense * u[0]), float(sense * u.max())))
         expected = f"a displacement that was recorded, from {ends[0]:g} to {ends[1]:g} mm"
@@ -229,12 +233,10 @@ def _contact(
             " from contact, or give force_zero where it began at a trigger force"
         )
         raise BadInput(key=key, value=AUTO, expected=expected)
-    return replace(_in_recorded_units(contact, sense, pull, load), first=first)
-
-
-def _in_recorded_units(contact: Contact, sense: float, pull: float, load: str) -> Contact:
-    unit = "N" if load == "force" else "MPa"
-    return replace(contact, at=sense * contact.at, force=pull * contact.force, unit=unit)
+    if contact is None:
+        return None
+    at, force, unit = sense * contact.at, pull * contact.force, "N" if load == "force" else "MPa"
+    return replace(contact, at=at, force=force, unit=unit, first=first * asked)
 
 
 def direction(x: np.ndarray, y: np.ndarray | None = None) -> float:

@@ -93,7 +93,7 @@ def scatter_covariance(grid: np.ndarray, residuals: np.ndarray, noise: np.ndarra
     """
     count = residuals.shape[0] - 1
     sample = residuals.T @ residuals / count - noise
-    variance = _gaussian_smoothed(grid, np.clip(np.diag(sample), 0, None))
+    variance = local_mean(grid, grid, np.clip(np.diag(sample), 0, None))
     deviation = np.sqrt(np.maximum(variance, 0.01 * variance.mean()))
     distance = np.abs(grid[:, None] - grid)
     target = deviation[:, None] * deviation * matern(distance, _length(grid, sample, deviation))
@@ -112,13 +112,6 @@ def smooth_deviation(x: np.ndarray, y: np.ndarray, part: float) -> np.ndarray:
     """Covariance (m, m) of a deviation by ``part`` of ``y`` (m,), smooth along ``x`` over a third of it."""
     size = np.maximum(np.abs(y), 0.05 * np.abs(y).max())
     return part**2 * np.outer(size, size) * matern(np.abs(x[:, None] - x), np.ptp(x) / 3)
-
-
-def _gaussian_smoothed(grid: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """``values`` (n,) under a Gaussian window, a tenth of the grid wide."""
-    width = (grid[-1] - grid[0]) / 10
-    weight = np.exp(-(((grid[:, None] - grid) / width) ** 2) / 2)
-    return weight @ values / weight.sum(axis=1)
 
 
 def _length(grid: np.ndarray, sample: np.ndarray, deviation: np.ndarray) -> float:
@@ -344,10 +337,6 @@ class Covariance:
 
 
 # -- what is not smooth along a curve -----------------------------------------------------------------
-#: So many values behind the peak are the transition's.
-TRANSITION = 5
-
-
 def sawtooth_variance(x: np.ndarray, y: np.ndarray, noise: np.ndarray) -> np.ndarray:
     """Variance (m,) of the sawtooth of a cut's measured force behind its first peak. It is 0 where the
     variance ``noise`` (m,) of the readings may be all of it, or where a load cell's least noise may be.
@@ -355,20 +344,17 @@ def sawtooth_variance(x: np.ndarray, y: np.ndarray, noise: np.ndarray) -> np.nda
     A tooth is many readings wide, and within it they are as smooth as anywhere: their noise is not its size.
     The fall behind the peak itself is no tooth; it is what a model is to describe.
     """
-    top, steady = np.abs(y).max(), behind_first_peak(y)
-    if not steady[2:-2].any():
+    top = np.abs(y).max()
+    # Where the force has fallen by a twentieth of its largest, stick–slip may follow, behind the transition.
+    peaks, _ = signal.find_peaks(y, prominence=0.05 * top)
+    peak = peaks[0] if peaks.size else y.size
+    steady = np.arange(2, y.size - 2) >= peak + 5
+    if not steady.any():
         return np.zeros(y.size)
-    size = local_mean(x, x[2:-2][steady[2:-2]], squared_roughness(y)[steady[2:-2]])
-    fallen = np.arange(y.size) > steady.argmax() - TRANSITION
+    size = local_mean(x, x[2:-2][steady], squared_roughness(y)[steady])
     # The mean square of a few values is known to within a half: twice the noise's variance is no tooth.
-    return np.where(fallen, np.maximum(size - np.maximum(2 * noise, (NOISE_FLOOR * top) ** 2), 0), 0)
-
-
-def behind_first_peak(y: np.ndarray) -> np.ndarray:
-    """Which values (m,) of a cut's force lie behind its first peak and the transition: where it has fallen by
-    a twentieth of its largest, stick–slip may follow."""
-    peaks, _ = signal.find_peaks(y, prominence=0.05 * np.abs(y).max())
-    return np.arange(y.size) >= (peaks[0] + TRANSITION if peaks.size else y.size)
+    least = np.maximum(2 * noise, (NOISE_FLOOR * top) ** 2)
+    return np.where(np.arange(y.size) > peak, np.maximum(size - least, 0), 0)
 
 
 def roughness_variance(x: np.ndarray, y: np.ndarray) -> np.ndarray:

@@ -4,9 +4,8 @@ columns, units and factors, the sizes of its specimens and its blade, its speed 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from typing import TypeVar
 
 import numpy as np
 
@@ -17,7 +16,6 @@ from cutbench.data.columns import LABEL, UNITS, Column, did_you_mean, require
 from cutbench.data.experiment import HOMOGENEOUS, KINDS, area_of
 from cutbench.mechanisms import Tool, registry
 
-Value = TypeVar("Value")
 #: Other names under which a column may be given.
 _ALIASES = {"opening": "displacement", "slip": "displacement", "traction": "stress"}
 #: Columns that give the abscissa and the ordinate, by kind: exactly one of each.
@@ -146,36 +144,32 @@ def columns_of(table: Mapping, kind: str) -> dict[str, Column | list[Column]]:
     return columns
 
 
-def _by_role(
-    table: Mapping, section: str, columns: Mapping, read: Callable[[str, object, str], Value]
-) -> dict[str, Value]:
-    """What each entry of ``section`` says of a column, by role. Raises BadInput."""
-    known, values = [name for name in columns if name != LABEL], {}
+def _by_role(table: Mapping, section: str, columns: Mapping) -> Iterator[tuple[str, str, object]]:
+    """Full key, role of the column and what is written, for each entry of ``section``. Raises BadInput."""
+    known = [name for name in columns if name != LABEL]
     for name, raw in section_of(table, section).items():
-        role, key = _ALIASES[name] if _ALIASES.get(name) in columns else name, f"{section}.{name}"
-        among(key, role, known, value=in_short(raw))
-        values[role] = read(key, raw, role)
-    return values
+        role = _ALIASES[name] if _ALIASES.get(name) in columns else name
+        among(f"{section}.{name}", role, known, value=in_short(raw))
+        yield f"{section}.{name}", role, raw
 
 
 def units_of(table: Mapping, columns: Mapping) -> dict[str, str]:
-    """The units of columns, where they are written."""
-
-    def unit(key: str, raw: object, role: str) -> str:
-        return written(key, raw, f"a unit in quotes, such as '{UNITS[role]}'", value=in_short(raw))
-
-    return _by_role(table, "units", columns, unit)
+    """The units of columns by role, where they are written."""
+    expected = "a unit in quotes, such as '{}'"
+    return {
+        role: written(key, raw, expected.format(UNITS[role]), value=in_short(raw))
+        for key, role, raw in _by_role(table, "units", columns)
+    }
 
 
 def factors_of(table: Mapping, columns: Mapping) -> dict[str, float]:
-    """The factors of columns, where they are written."""
-
-    def factor(key: str, raw: object, role: str) -> float:
-        value = parse_quantity(raw, "1", key=key)
-        require(np.isfinite(value) and value != 0, key, raw, "a factor other than 0, such as -1")
-        return value
-
-    return _by_role(table, "factors", columns, factor)
+    """The factors of columns by role, where they are written."""
+    factors = {}
+    for key, role, raw in _by_role(table, "factors", columns):
+        factors[role] = parse_quantity(raw, "1", key=key)
+        good = np.isfinite(factors[role]) and factors[role] != 0
+        require(good, key, raw, "a factor other than 0, such as -1")
+    return factors
 
 
 # -- sizes of specimens, and of the blade -------------------------------------------------------------

@@ -49,18 +49,14 @@ def plot_data(campaign: Campaign, n: int = 80) -> Figure:
     return figure
 
 
-def _measures(axes: Axes, e: MeasuredCut) -> None:
-    """Numbers without a curve, as words."""
-    axes.set_axis_off()
-    axes.set_title(f"{e.id}\nmeasures of a cut to {e.depth_mm:g} mm", loc="left", fontsize=8)
-    lines = [f"{m.name.replace('_', ' ')}: {m}" for m in e.measures]
-    axes.text(0, 0.95, "\n".join(lines), va="top", fontsize=8, linespacing=1.6, transform=axes.transAxes)
-
-
 def _panel(axes: Axes, experiment: Experiment, averaged: Averaged, over: str) -> None:
-    scale, shown = experiment.shown
+    scale, y_unit = experiment.shown
     if isinstance(experiment, MeasuredCut):
-        _measures(axes, experiment)
+        axes.set_axis_off()
+        title = f"{experiment.id}\nmeasures of a cut to {experiment.depth_mm:g} mm"
+        axes.set_title(title, loc="left", fontsize=8)
+        words = "\n".join(f"{m.name.replace('_', ' ')}: {m}" for m in experiment.measures)
+        axes.text(0, 0.95, words, va="top", fontsize=8, linespacing=1.6, transform=axes.transAxes)
         return
     several = averaged.repetitions > 1
     line: dict[str, Any] = {"color": GREY, "lw": 0.6, "ls": "-", "label": "repetitions"}
@@ -78,10 +74,10 @@ def _panel(axes: Axes, experiment: Experiment, averaged: Averaged, over: str) ->
         axes.plot(along, scale * averaged.mean, color=COLOURS["blue"], ls="-", lw=1.3, label="mean")
     if np.min(averaged.mean) < 0 < np.max(averaged.mean):
         axes.axhline(0, color="black", lw=0.5)
-    unit = "" if experiment.x_unit == "1" else f" ({experiment.x_unit})"
-    axes.set_xlabel(f"{experiment.x_name}{unit}" if over == "x" else "time (s)")
+    x_unit = "" if experiment.x_unit == "1" else f" ({experiment.x_unit})"
+    axes.set_xlabel(f"{experiment.x_name}{x_unit}" if over == "x" else "time (s)")
     name = "nominal stress" if experiment.y_name == "stress" else experiment.y_name
-    axes.set_ylabel(f"{name} ({shown})")
+    axes.set_ylabel(f"{name} ({y_unit})")
     kind = experiment.kind.replace("_", " ") * (experiment.kind.replace("_", " ") != experiment.id)
     role = "only predicted" * (experiment.role == "test")
     below = ", ".join(filter(None, (kind, role)))
@@ -89,8 +85,6 @@ def _panel(axes: Axes, experiment: Experiment, averaged: Averaged, over: str) ->
 
 
 # -- fields -------------------------------------------------------------------------------------------
-
-
 def plot_dic(comparison: Comparison, title: str = "") -> Figure:
     """A row for each of u_x, u_y (mm, relative error) and E_xx, E_yy, E_xy (difference), drawn where the
     material is after the measured deformation. White: outside, or not measured."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from glob import glob
@@ -98,29 +98,30 @@ def read_experiments(table: Mapping[str, object], folder: Path) -> list[Experime
     require_sizes(kind, sizes, columns)
     blade, factors = blade_of(table, kind), factors_of(table, columns)
     tables = _tables(table, columns, folder)
-    titles = [title for read, label in tables for title in titles_of(read, label).values()]
-    for label, count in Counter(titles).items():
-        require(count == 1, LABEL, label, "each repetition in one file only")
+    titles = [title for read in tables for title in read.names]
+    for title, count in Counter(titles).items():
+        require(count == 1, LABEL, title, "each repetition in one file only")
     own = sizes_by_repetition(sizes, titles)
     specimen = mean_sizes(list(own.values()))
     speed = speed_of(table, kind, specimen)
     pressure = pressure_of(table, columns, specimen) if kind == "sliding" else 0.0
     zeros = {key: by_repetition(key, table[key], titles) for key in TAKEN_OFF if key in table}
-    repetitions = [
-        r
-        for read, label in tables
-        for r in repetitions_of(read, kind, label, table, own, speed, factors, zeros)
-    ]
-    if choice(table, "stress", ("nominal", "cauchy"), "nominal") == "cauchy":
-        notes.append("Cauchy stress turned into nominal stress at constant volume, P = σ/λ")
-    if choice(table, "strain", ("engineering", "true"), "engineering") == "true":
-        notes.append("true strain turned into stretch, λ = exp(ε)")
-    for read, _ in tables:
-        if read.specimens:
-            notes.append(f"{read.path.name} holds specimens side by side: {', '.join(read.specimens)}")
-        notes += read.notes
-    if kind == "sliding" and not pressure and not {"pressure", "normal_force"} & columns.keys():
-        notes.append("no pressure given: 0, so that only adhesion resists")
+    repetitions = []
+    for read in tables:
+        for title in read.names:
+            asked = {**table, **{key: values[title] for key, values in zeros.items()}}
+            rows = read.rows(read.labels == title)
+            repetitions.append(_repetition(rows, kind, title, asked, own[title], speed, factors))
+    stress = choice(table, "stress", ("nominal", "cauchy"), "nominal")
+    strain = choice(table, "strain", ("engineering", "true"), "engineering")
+    free = kind == "sliding" and not pressure and not {"pressure", "normal_force"} & columns.keys()
+    said = {
+        "Cauchy stress turned into nominal stress at constant volume, P = σ/λ": stress == "cauchy",
+        "true strain turned into stretch, λ = exp(ε)": strain == "true",
+        **dict.fromkeys((note for read in tables for note in read.notes), True),
+        "no pressure given: 0, so that only adhesion resists": free,
+    }
+    notes += [note for note, holds in said.items() if holds]
     fields, noise_mm = read_fields_of(table["fields"], folder) if "fields" in table else ((), 0.0)
     notes += dict.fromkeys(note for field in fields for note in field.notes)
     refuse_misread(kind, repetitions, table)
@@ -166,23 +167,25 @@ def _measured(
 
 
 # -- the files of the readings ------------------------------------------------------------------------
-def _tables(table: Mapping, columns: Mapping, folder: Path) -> list[tuple[Table, str | None]]:
-    """The readings of each specimen, and its name if there are several files. Raises BadInput."""
+def _tables(table: Mapping, columns: Mapping, folder: Path) -> list[Table]:
+    """The readings of each file, or of several that follow one another, labelled by repetition. Raises
+    BadInput."""
     units, blocks, skip = units_of(table, columns), choice(table, "blocks", BLOCKS, ""), table.get("skip", [])
     skip = [skip] if isinstance(skip, str) else skip
     good = isinstance(skip, list) and all(isinstance(text, str) and text.strip() for text in skip)
     require(good, "skip", skip, "how lines that are no readings begin, such as skip = ['Mean', 'Maximum']")
+    files = _files(table, folder)
     tables = []
-    for paths, label in _files(table, folder):
+    for paths in files:
         parts = [read_table(path, columns, units, wide=True, skip=skip) for path in paths]
-        tables.append((joined_files([with_blocks_read(part, blocks) for part in parts]), label))
-    _refuse_consecutive_files([read for read, _ in tables])
-    return tables
+        tables.append(joined_files([with_blocks_read(part, blocks) for part in parts]))
+    _refuse_consecutive_files(tables)
+    several = len(files) > 1
+    return [read.called(paths[0].stem if several else "") for read, paths in zip(tables, files, strict=True)]
 
 
-def _files(table: Mapping, folder: Path) -> list[tuple[list[Path], str | None]]:
-    """The files of each specimen, one or several that follow one another, and its name if there are several
-    specimens."""
+def _files(table: Mapping, folder: Path) -> list[list[Path]]:
+    """The files of each specimen, one or several that follow one another."""
     data = table.get("data")
     specimens: list[list[str]] = []
     for entry in data if isinstance(data, list) else [data]:
@@ -197,10 +200,7 @@ def _files(table: Mapping, folder: Path) -> list[tuple[list[Path], str | None]]:
         specimens += [files] if isinstance(entry, list) else [[file] for file in files]
     every = [file for files in specimens for file in files]
     require(len(set(every)) == len(every), "data", every, "each file once")
-    several = len(specimens) > 1
-    return [
-        ([folder / name for name in files], Path(files[0]).stem if several else None) for files in specimens
-    ]
+    return [[folder / name for name in files] for files in specimens]
 
 
 def _refuse_consecutive_files(tables: list[Table]) -> None:
@@ -235,77 +235,58 @@ def _matching(name: str, folder: Path) -> list[str]:
 
 
 # -- from recorded columns to readings -----------------------------------------------------------------
-def titles_of(table: Table, label: str | None) -> dict[str, str]:
-    """What the repetitions in one file are called, by their labels in it."""
-    if not table.labelled:
-        return {"": "1" if label is None else label}
-    return {name: name if label is None else f"{label}/{name}" for name in table.names}
-
-
-def repetitions_of(
-    table: Table, kind: str, label: str | None, written: Mapping, sizes: Mapping[str, Mapping[str, float]],
-    speed: float | None, factors: Mapping[str, float], zeros: Mapping[str, Mapping[str, object]],
-) -> list[Repetition]:  # fmt: skip
-    """The repetitions in one file, in internal units; ``sizes`` and ``zeros`` are of each by its name."""
-    repetitions = []
-    for name, title in titles_of(table, label).items():
-        own = {**written, **{key: values[title] for key, values in zeros.items()}}
-        rows = table.rows(table.labels == name)
-        repetitions.append(_repetition(rows, kind, title, own, sizes[title], speed, factors))
-    return repetitions
-
-
 def _repetition(
     table: Table, kind: str, title: str, written: Mapping, specimen: Mapping[str, float],
     speed: float | None, factors: Mapping[str, float],
 ) -> Repetition:  # fmt: skip
     """The readings of one specimen."""
-    read = dict(table.columns)
     if table.clock:
-        read["time"] = read["time"] - read["time"][0]
-    check_steps(read, table.files, table.lines)
+        table = table.having(time=table.columns["time"] - table.columns["time"][0])
+    check_steps(table.columns, table.files, table.lines)
     length = specimen.get("length", 1.0) if kind in HOMOGENEOUS else 1.0
     area = (area_of(kind, specimen) or 1.0) if kind != "cut" else 1.0
-    if "speed" in read:
-        speeds = np.abs(read.pop("speed"))
+    if "speed" in table.columns:
+        speeds = np.abs(table.columns["speed"])
         value, line = f"{speeds.max():g} mm/s", int(table.lines[speeds.argmax()])
         expected = "one speed in each repetition; a column of time says more"
         require(speeds.max() <= SAME_SPEED * speeds.min(), "speed", value, expected, table.files[0], line)
         speed = speeds.mean() / length
-    here, contact = zeros_taken_off(read, written, factors, title)
+    table, contact = zeros_taken_off(table, written, factors, title)
+    here = table.columns
     rest = float(kind in HOMOGENEOUS)
-    if "stretch" in here:
-        x = here["stretch"]
-    elif "strain" in here:
-        x = 1 + here["strain"]
-    elif "displacement" in here:
-        x = rest + here["displacement"] / length
-    elif speed is not None:
-        x = speed * (here["time"] - here["time"][0])
-    else:
-        raise BadInput("speed", "(missing)", "the sliding speed, or a column of displacement")
+    abscissa: dict[str, Callable[[np.ndarray], np.ndarray]] = {
+        "stretch": lambda stretch: stretch,
+        "strain": lambda strain: 1 + strain,
+        "displacement": lambda u: rest + u / length,
+        "time": lambda t: (speed or 0.0) * (t - t[0]),
+    }
+    role = next(role for role in abscissa if role in here)
+    expected = "the sliding speed, or a column of displacement"
+    require(role != "time" or speed is not None, "speed", None, expected)
+    x = abscissa[role](here[role])
     y = here["stress"] if "stress" in here else here["force"] / area
     if written.get("strain") == "true":
         x = np.exp(x - 1)
     if written.get("stress") == "cauchy":
         y = y / np.where(x > 0, x, np.nan)
     if "normal_force" in here:
-        here["pressure"] = here["normal_force"] / area
+        table = table.having(pressure=here["normal_force"] / area)
     first = contact.first if contact is not None and "zero" in written else 0
     keep = _selected_readings(written, kind, x, first, length if "displacement" in here else None)
-    x, table = x[keep], table.rows(keep)
-    time, pressure = (here[role][keep] if role in here else None for role in ("time", "pressure"))
+    table = table.having(x=x, y=y).rows(keep)
+    x, time = table.columns["x"], table.columns.get("time")
     if time is None and speed is not None and not (kind == "cut" and first_return(x) is not None):
         way = np.cumsum(np.append(abs(x[0] - rest), np.abs(np.diff(x))))
         # Equal abscissas, as coarse sensors give them, need times that differ.
         time = (way + 1e-9 * way[-1] * np.arange(x.size)) / speed
-    file = table.files[0] if len(set(table.files)) == 1 else tuple(table.files)
     scales = {"displacement": length, "force": area}
     channels = {
         role: replace(channel, factor=factors.get(role), scale=scales.get(role, 1.0))
         for role, channel in table.channels.items()
     }
-    return Repetition(x, y[keep], time, title, pressure, file, table.lines, contact, channels)
+    y, pressure = table.columns["y"], table.columns.get("pressure")
+    file = table.files[0] if len(set(table.files)) == 1 else tuple(table.files)
+    return Repetition(x, y, time, title, pressure, file, table.lines, contact, channels)
 
 
 def _selected_readings(

@@ -73,6 +73,15 @@ class Table:
         """The labels, each once."""
         return list(dict.fromkeys(self.labels))
 
+    def called(self, file: str) -> Table:
+        """Its repetitions by the name of their ``file``, where that is told, and by their own."""
+        names = ["/".join(filter(None, (file, own))) or "1" for own in self.labels]
+        return replace(self, labels=np.array(names, dtype=object))
+
+    def having(self, **columns: np.ndarray) -> Table:
+        """With these columns beside its own, or in their place."""
+        return replace(self, columns={**self.columns, **columns})
+
     def rows(self, which: np.ndarray) -> Table:
         """Of ``which`` readings alone, a mask or indices (k,)."""
         return replace(
@@ -108,6 +117,9 @@ def read_table(
     lines = lines_of(path)
     layout = find_layout(path, lines, columns, wide)
     rows, titles, notes = rows_of(path, lines, layout, skip)
+    several = len(layout.specimens) > 1
+    if several:
+        notes.insert(0, f"{path.name} holds specimens side by side: {', '.join(layout.specimens)}")
     numbers, blocks = ([getattr(row, name) for row in rows] for name in ("line", "block"))
 
     def cells_of(at: int) -> Cells:
@@ -119,9 +131,7 @@ def read_table(
     values: dict[str, list[np.ndarray]] = {role: [] for role in columns if role != LABEL}
     counts, clock, channels = [], False, dict[str, Channel]()
     for k in range(len(layout.specimens)):
-        counts.append(
-            _length([cells[at] for at in layout.own(k)]) if len(layout.specimens) > 1 else len(rows)
-        )
+        counts.append(_length([cells[at] for at in layout.own(k)]) if several else len(rows))
         for role, read in values.items():
             own = cells[layout.where[role][k]].until(counts[-1])
             if role == "time" and own.texts and is_clock(own.texts[0]):
@@ -149,7 +159,7 @@ def read_table(
     files = np.full(order.size, str(path), dtype=object)
     return Table(
         path, joined, labels, np.array(numbers)[order], files, np.array(blocks)[order], tuple(titles),
-        layout.specimens if len(layout.specimens) > 1 else (), tuple(notes), clock, channels,
+        layout.specimens if several else (), tuple(notes), clock, channels,
     )  # fmt: skip
 
 
@@ -402,6 +412,6 @@ def _continued(table: Table) -> Table:
             times[part] += shift
             notes.setdefault(how, f"{title} {how} {last}")
     rows = np.concatenate(each)
-    columns = {**table.columns, "time": times} if recorded.size else table.columns
-    whole = replace(table, columns=columns, titles=("",), notes=(*table.notes, *notes.values()))
+    whole = table.having(time=times) if recorded.size else table
+    whole = replace(whole, titles=("",), notes=(*table.notes, *notes.values()))
     return whole.rows(rows[keep[rows]])
