@@ -19,7 +19,7 @@ from cutbench.calibration.parameters import free_parameters
 from cutbench.calibration.posterior import Posterior
 from cutbench.calibration.prediction import NotComputed, Predictions
 from cutbench.data.campaign import FitPlan, load_campaign
-from cutbench.data.discrepancy import relative_discrepancy
+from cutbench.data.covariance import relative_discrepancy
 from cutbench.run.pool.pool import TaskPool
 
 

@@ -11,8 +11,7 @@ from cutbench.base.units import Parameter
 from cutbench.calibration.identifiability import identifiability, information_inverse
 from cutbench.calibration.mesh_error import correction, local_linear_smooth, measured_error
 from cutbench.calibration.parameters import FreeParameter
-from cutbench.data.covariance import USUAL_FACTOR, Block, Covariance, Factors, matern
-from cutbench.data.discrepancy import with_discrepancy
+from cutbench.data.covariance import USUAL_FACTOR, Block, Covariance, Factors, matern, with_discrepancy
 from cutbench.data.repetition import Averaged
 from cutbench.mechanisms import registry
 

@@ -21,7 +21,7 @@ from cutbench.calibration.report import summary, to_dict
 from cutbench.case.model import Model
 from cutbench.cli.main import app
 from cutbench.data.campaign import load_campaign
-from cutbench.data.measured import Measure
+from cutbench.data.measures import Measure
 from cutbench.run.pool.pool import TaskPool
 from cutbench.run.read_off import READ_OFF, ForceCurve
 

@@ -20,10 +20,10 @@ OTHERWISE = {
     "base/figure_style.py": {"beta", "mu", "nu"},
     "base/greek.py": {"beta", "mu", "nu"},
     "calibration/report.py": {"contact"},
-    "data/contact.py": {"contact"},
-    "data/conversion.py": {"zero", "force_zero"},
-    "data/experiment_kinds.py": {"zero", "force_zero"},
+    "data/contact.py": {"contact", "zero", "force_zero"},
+    "data/experiment_section.py": {"zero", "force_zero"},
     "data/plausible.py": {"contact"},
+    "data/read_experiment.py": {"zero"},
     "maps/__init__.py": {"phase"},
     "solver/step_control.py": {"drift"},
 }

@@ -11,8 +11,8 @@ from cutbench.base.errors import BadInput
 from cutbench.base.files import write_text
 from cutbench.case.case import Case
 from cutbench.data.campaign import load_campaign
-from cutbench.data.conversion import TAKEN_OFF
-from cutbench.data.text_cells import lines_of
+from cutbench.data.columns import lines_of
+from cutbench.data.contact import TAKEN_OFF
 
 #: A file of readings is no larger, bytes.
 MAX_FILE_BYTES = 20_000_000

@@ -24,8 +24,8 @@ from cutbench.app.tasks import run_discovery, run_fit
 from cutbench.base.figure_style import svg_of
 from cutbench.case.case import Case
 from cutbench.data.campaign import Campaign, load_campaign
-from cutbench.data.conversion import TAKEN_OFF
-from cutbench.data.layout import UNITS
+from cutbench.data.columns import UNITS
+from cutbench.data.contact import TAKEN_OFF
 
 _TASKS = {"fit": run_fit, "discover": run_discovery}
 _ZERO = {"": "at zero, as recorded", "auto": "found in the curve"}

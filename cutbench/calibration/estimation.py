@@ -28,7 +28,7 @@ from cutbench.calibration.settings import SETTINGS
 from cutbench.data.covariance import Covariance
 from cutbench.data.experiment import Experiment
 from cutbench.data.fields import laid_out
-from cutbench.data.measured import MeasuredCut
+from cutbench.data.measures import MeasuredCut
 
 #: Places of the box that are looked at with the emulator, and the best of them, from which a maximum is
 #: looked for.

@@ -18,7 +18,7 @@ from cutbench.base.figure_style import (
     new_figure,
     style,
 )
-from cutbench.data.measured import MeasuredCut
+from cutbench.data.measures import MeasuredCut
 
 if TYPE_CHECKING:
     from cutbench.calibration.fitting import ComparedCurve, Fit

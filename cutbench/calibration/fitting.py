@@ -32,10 +32,10 @@ from cutbench.calibration.posterior import Estimated, Posterior
 from cutbench.calibration.prediction import Predictions
 from cutbench.case.case import Case
 from cutbench.data.campaign import Campaign, cut_case
-from cutbench.data.discrepancy import degrees_of_freedom, discrepancy_mean
+from cutbench.data.covariance import degrees_of_freedom, discrepancy_mean
 from cutbench.data.experiment import Experiment
 from cutbench.data.fields import laid_out
-from cutbench.data.measured import MeasuredCut
+from cutbench.data.measures import MeasuredCut
 from cutbench.data.repetition import note_on_single_repetition
 from cutbench.run.measures import SETTLED
 from cutbench.run.pool.pool import TaskPool, cores

@@ -1,7 +1,7 @@
 """One likelihood of all tests, whatever they are, and the most probable parameters of a model.
 
 readings = prediction(θ) + discrepancy + noise + error of the emulator and of the mesh: one Gaussian a test,
-with the covariance of ``cutbench.data.covariance`` and the discrepancy of ``cutbench.data.discrepancy``,
+with the covariance of ``cutbench.data.covariance`` and the discrepancy of ``cutbench.data.covariance``,
 whose size is the likeliest (Kennedy & O'Hagan 2001, 10.1111/1467-9868.00294; Brynjarsdóttir & O'Hagan 2014,
 10.1088/0266-5611/30/11/114007). Parameters are normal beforehand, broadly. The marginal likelihood is
 Laplace's (Kass & Raftery 1995, 10.1080/01621459.1995.10476572).
@@ -23,8 +23,7 @@ from cutbench.calibration.parameters import FreeParameter, parameters_felt_by
 from cutbench.calibration.prediction import NotComputed, Predicted, Predictions
 from cutbench.calibration.settings import SETTINGS
 from cutbench.case.case import Case
-from cutbench.data.covariance import Block, Covariance
-from cutbench.data.discrepancy import twice_log_likelihood, with_discrepancy
+from cutbench.data.covariance import Block, Covariance, twice_log_likelihood, with_discrepancy
 from cutbench.data.experiment import Experiment
 
 #: A prediction that is so many times the largest reading counts as none.

@@ -15,7 +15,7 @@ from cutbench.base.errors import ComputationFailed
 from cutbench.case.model import Model
 from cutbench.data.campaign import lead_s
 from cutbench.data.experiment import Experiment
-from cutbench.data.measured import MeasuredCut
+from cutbench.data.measures import MeasuredCut
 from cutbench.data.repetition import Averaged, averaging_matrix
 from cutbench.mechanisms.base import STEP
 

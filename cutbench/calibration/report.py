@@ -14,7 +14,7 @@ from cutbench.base.versions import versions
 from cutbench.calibration.case_file import write_case
 from cutbench.calibration.fitting import ComparedCurve, Estimate, Fit
 from cutbench.calibration.settings import SETTINGS
-from cutbench.data.measured import MeasuredCut
+from cutbench.data.measures import MeasuredCut
 
 #: Layout of fit.json.
 SCHEMA = 1

@@ -28,7 +28,7 @@ from cutbench.case.values import names, resolve
 from cutbench.data import plausible
 from cutbench.data.contact import bounds_by
 from cutbench.data.experiment import SLOTS, Experiment
-from cutbench.data.experiment_kinds import blade_units
+from cutbench.data.experiment_section import blade_units
 from cutbench.data.read_experiment import errors_at_experiment, read_experiments
 from cutbench.data.repetition import note_on_single_repetition
 from cutbench.mechanisms import Tool, Volumetric, registry

@@ -20,7 +20,14 @@ what else differs between them, smooth along the curve; e_r is the noise of sing
   residuals: (w T + (R − 1) S)/(w + R − 1), w = 4. Where one specimen was measured, the usual is taken: a
   smooth deviation by some per cent.
 
-What a model cannot describe comes on top of that, see ``cutbench.data.discrepancy``.
+What a model cannot describe comes on top of that, as a smooth discrepancy, test by test:
+
+readings = computed curve + d(s) + noise. d is a Gaussian process of mean 0 along the test with Matérn-3/2
+correlation (Kennedy & O'Hagan 2001, 10.1111/1467-9868.00294); its size is the one that makes the residual
+most likely, for each test its own, and 0 where noise explains the residual. It is one number for the whole
+curve, no part of the computed or the measured ordinate: there is nothing to gain by a smaller curve.
+Without it a model that is wrong is fitted to the few combinations of readings that are known best, whatever
+it misses in the others (Brynjarsdóttir & O'Hagan 2014, 10.1088/0266-5611/30/11/114007).
 """
 
 from __future__ import annotations
@@ -86,7 +93,7 @@ def scatter_covariance(grid: np.ndarray, residuals: np.ndarray, noise: np.ndarra
     """
     count = residuals.shape[0] - 1
     sample = residuals.T @ residuals / count - noise
-    variance = _gaussian_smoothed(grid, np.clip(np.diag(sample), 0, None))
+    variance = local_mean(grid, grid, np.clip(np.diag(sample), 0, None))
     deviation = np.sqrt(np.maximum(variance, 0.01 * variance.mean()))
     distance = np.abs(grid[:, None] - grid)
     target = deviation[:, None] * deviation * matern(distance, _length(grid, sample, deviation))
@@ -105,13 +112,6 @@ def smooth_deviation(x: np.ndarray, y: np.ndarray, part: float) -> np.ndarray:
     """Covariance (m, m) of a deviation by ``part`` of ``y`` (m,), smooth along ``x`` over a third of it."""
     size = np.maximum(np.abs(y), 0.05 * np.abs(y).max())
     return part**2 * np.outer(size, size) * matern(np.abs(x[:, None] - x), np.ptp(x) / 3)
-
-
-def _gaussian_smoothed(grid: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """``values`` (n,) under a Gaussian window, a tenth of the grid wide."""
-    width = (grid[-1] - grid[0]) / 10
-    weight = np.exp(-(((grid[:, None] - grid) / width) ** 2) / 2)
-    return weight @ values / weight.sum(axis=1)
 
 
 def _length(grid: np.ndarray, sample: np.ndarray, deviation: np.ndarray) -> float:
@@ -213,7 +213,7 @@ class Block:
         """About the curve ``y`` (m,) with ``shift`` in it; of the mean of ``count`` specimens (default: those
         that were measured)."""
         count, along = count or grid.repetitions, grid.along
-        computed, shift = (_zero() if given is None else given for given in (computed, shift))
+        computed, shift = (_zero() if part is None else part for part in (computed, shift))
         if grid.independent:
             total = positive_definite(np.diag(grid.reading**2) / count + computed)
             none, deviation = np.zeros(total.shape), np.sqrt(np.diag(total))
@@ -221,14 +221,13 @@ class Block:
         if grid.repetitions > 1:
             alike = grid.curves / grid.factors[:, None]
             scatter = scatter_covariance(along, alike - alike.mean(axis=0), np.diag(grid.reading**2))
-            other = scatter / count
         else:
             scatter = smooth_deviation(along, y, USUAL_SHAPE)
-            other = scatter / count
+        other = scatter / count
         by_factor = pooled.variance / count * np.outer(y, y)
         rest = np.diag(grid.reading**2) / count + computed
         least = smooth_deviation(along, y, MIN_SHAPE)
-        deviation = np.sqrt(np.diag(by_factor + scatter / count + least + rest))
+        deviation = np.sqrt(np.diag(by_factor + other + least + rest))
         total = positive_definite(by_factor + other + rest)
         return cls(total, by_factor, other, scatter, deviation, grid.dof, computed, shift)
 
@@ -302,8 +301,8 @@ class Covariance:
         """Of the same computed curves, with readings as ``grids`` have them; without discrepancies."""
         blocks = self.tests.items()
         computed, shift = {id: b.computed for id, b in blocks}, {id: b.shift for id, b in blocks}
-        kept = {id: grids[id] for id in self.tests}
-        return Covariance.of(kept, self.kinds, self.y, computed, shift, self.fields)
+        read = {id: grids[id] for id in self.tests}
+        return Covariance.of(read, self.kinds, self.y, computed, shift, self.fields)
 
     def draw(self, rng: np.random.Generator) -> tuple[dict[str, np.ndarray], Covariance]:
         """Residuals by id, computed less measured, of data that the model describes, and the covariance that
@@ -313,11 +312,11 @@ class Covariance:
         for id in sorted(self.tests):
             curves = np.stack([self._specimen(id, normal) for _ in range(self.grids[id].repetitions)])
             grids[id] = replace(self.grids[id], curves=curves, mean=curves.mean(axis=0))
-        made, residual = self.reading(grids), {}
+        estimated, residual = self.reading(grids), {}
         for id in sorted(self.tests):
             y, (_, error) = self.y[id], self._roots[id]
             residual[id] = y + error @ normal(y.size) - grids[id].mean
-        return residual, made
+        return residual, estimated
 
     @cached_property
     def _roots(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
@@ -338,14 +337,6 @@ class Covariance:
 
 
 # -- what is not smooth along a curve -----------------------------------------------------------------
-#: A force that falls by this part of its largest has had a peak, behind which stick–slip may follow.
-PEAK_PROMINENCE = 0.05
-#: So many values behind the peak are the transition's.
-TRANSITION = 5
-#: The mean square of a few values is known to within a half: so many times the noise's variance is no tooth.
-NOISE_MULTIPLE = 2.0
-
-
 def sawtooth_variance(x: np.ndarray, y: np.ndarray, noise: np.ndarray) -> np.ndarray:
     """Variance (m,) of the sawtooth of a cut's measured force behind its first peak. It is 0 where the
     variance ``noise`` (m,) of the readings may be all of it, or where a load cell's least noise may be.
@@ -353,20 +344,17 @@ def sawtooth_variance(x: np.ndarray, y: np.ndarray, noise: np.ndarray) -> np.nda
     A tooth is many readings wide, and within it they are as smooth as anywhere: their noise is not its size.
     The fall behind the peak itself is no tooth; it is what a model is to describe.
     """
-    top, steady = np.abs(y).max(), behind_first_peak(y)
-    if not steady[2:-2].any():
+    top = np.abs(y).max()
+    # Where the force has fallen by a twentieth of its largest, stick–slip may follow, behind the transition.
+    peaks, _ = signal.find_peaks(y, prominence=0.05 * top)
+    peak = peaks[0] if peaks.size else y.size
+    steady = np.arange(2, y.size - 2) >= peak + 5
+    if not steady.any():
         return np.zeros(y.size)
-    size = local_mean(x, x[2:-2][steady[2:-2]], squared_roughness(y)[steady[2:-2]])
-    fallen = np.arange(y.size) > steady.argmax() - TRANSITION
-    return np.where(
-        fallen, np.maximum(size - np.maximum(NOISE_MULTIPLE * noise, (NOISE_FLOOR * top) ** 2), 0), 0
-    )
-
-
-def behind_first_peak(y: np.ndarray) -> np.ndarray:
-    """Which values (m,) of a cut's force lie behind its first peak and the transition."""
-    peaks, _ = signal.find_peaks(y, prominence=PEAK_PROMINENCE * np.abs(y).max())
-    return np.arange(y.size) >= (peaks[0] + TRANSITION if peaks.size else y.size)
+    size = local_mean(x, x[2:-2][steady], squared_roughness(y)[steady])
+    # The mean square of a few values is known to within a half: twice the noise's variance is no tooth.
+    least = np.maximum(2 * noise, (NOISE_FLOOR * top) ** 2)
+    return np.where(np.arange(y.size) > peak, np.maximum(size - least, 0), 0)
 
 
 def roughness_variance(x: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -387,3 +375,106 @@ def local_mean(x: np.ndarray, at: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Mean (m,) of ``values`` (n,), known ``at`` (n,), in a window about each x (m,), a tenth of all wide."""
     window = np.exp(-(((x[:, None] - at) / (np.ptp(x) / 10)) ** 2) / 2)
     return window @ values / window.sum(axis=1)
+
+
+# -- what a model cannot describe ----------------------------------------------------------------------
+#: Correlation length, as a part of a test's course: well within it, as a longer one would let a discrepancy
+#: take up what the parameters can, and these would be anywhere.
+DISCREPANCY_LENGTH = 0.1
+#: Sizes that are tried, as parts of a test's largest value.
+RELATIVE_SIZES = np.append(0.0, np.geomspace(1e-3, 1.0, 37))
+
+
+class Discrepancies:
+    """All sizes that are tried for one test. ``block``: its noise alone; ``grid``: its readings. Measures
+    that are known each by itself have none."""
+
+    def __init__(self, block: Block, grid: Averaged):
+        self.scale, course = float(np.abs(grid.mean).max()), grid.course
+        self.tried = RELATIVE_SIZES[:1] if grid.independent else RELATIVE_SIZES
+        self.L = cholesky(block.noise, lower=True)
+        self.correlation = matern(np.abs(course[:, None] - course), DISCREPANCY_LENGTH)
+        half = solve_triangular(self.L, self.correlation, lower=True)
+        values, self.vectors = np.linalg.eigh(solve_triangular(self.L, half.T, lower=True))
+        #: (sizes, m): what a size makes of the variances along ``vectors``.
+        self.more = 1 + (self.scale * self.tried[:, None]) ** 2 * np.clip(values, 0, None)
+        self.cost = np.log(self.more).sum(axis=1)
+
+    def gains(self, residual: np.ndarray) -> np.ndarray:
+        """Twice the log likelihood (sizes, c) of the columns of ``residual`` (m, c), above that of no
+        discrepancy: what is won in the misfit less what the wider distribution costs."""
+        z2 = (self.vectors.T @ solve_triangular(self.L, residual, lower=True)) ** 2
+        return z2.sum(axis=0) - (1 / self.more) @ z2 - self.cost[:, None]
+
+    def likelihood(self, residual: np.ndarray) -> np.ndarray:
+        """Twice the log likelihood (c,) of the columns of ``residual`` (m, c), each with its likeliest size,
+        but for a constant."""
+        white = solve_triangular(self.L, residual, lower=True)
+        return self.gains(residual).max(axis=0) - (white**2).sum(axis=0)
+
+    def covariance(self, size: float) -> np.ndarray:
+        return (self.scale * size) ** 2 * self.correlation
+
+
+def likeliest_sizes(
+    tried: Mapping[str, Discrepancies], residual: Mapping[str, np.ndarray]
+) -> dict[str, float]:
+    """The likeliest by id, each drawn by half towards that of all: no test is given up for another."""
+    own = {id: t.tried[t.gains(residual[id][:, None])[:, 0].argmax()] for id, t in tried.items()}
+    smooth = [id for id, t in tried.items() if t.tried.size > 1]
+    pooled = np.mean(np.square([own[id] for id in smooth])) if smooth else 0.0
+    shared = {id: float(np.sqrt(0.5 * pooled + 0.5 * own[id] ** 2)) for id in smooth}
+    return dict.fromkeys(own, 0.0) | shared
+
+
+def with_discrepancy(
+    noise: Covariance, residual: Mapping[str, np.ndarray], J: Mapping[str, np.ndarray]
+) -> Covariance:
+    """``noise`` with each test's likeliest discrepancy beside it, for ``residual`` (m,) by id of which the
+    parameters take up what they can by the derivatives ``J`` (m, k)."""
+    tried = {id: Discrepancies(block, noise.grids[id]) for id, block in noise.tests.items()}
+    w, before = noise, dict.fromkeys(tried, 0.0)
+    # Sizes and what the parameters take up are found by turns, until no test's size changes much.
+    for _ in range(6):
+        sizes = likeliest_sizes(tried, projected_residual(w, residual, J))
+        blocks = {id: noise.tests[id].with_discrepancy(t.covariance(sizes[id])) for id, t in tried.items()}
+        w = replace(noise, tests=blocks)
+        if all(abs(sizes[id] - before[id]) <= 0.02 * sizes[id] for id in sizes):
+            break
+        before = sizes
+    return w
+
+
+def twice_log_likelihood(noise: Covariance, residual: Mapping[str, np.ndarray]) -> float:
+    """Twice the log likelihood of ``residual`` (m,) by id with each test's likeliest discrepancy."""
+    tried = {id: Discrepancies(b, noise.grids[id]) for id, b in noise.tests.items()}
+    return float(sum(t.likelihood(residual[id][:, None])[0] for id, t in tried.items()))
+
+
+def projected_residual(w: Covariance, residual: Mapping[str, np.ndarray], J: Mapping[str, np.ndarray]):
+    """``residual`` (m,) by id after the step of the parameters that makes it least."""
+    white = w.white({id: np.column_stack([J[id], residual[id]]) for id in w.tests})
+    size = np.linalg.norm(white[:, :-1], axis=0)
+    size = np.where(size > 0, size, 1.0)
+    step = np.linalg.lstsq(white[:, :-1] / size, -white[:, -1], rcond=1e-9)[0] / size
+    step *= min(1.0, 2.0 / max(np.abs(step).max(initial=0.0), 1e-300))  # no parameter moves farther, in q
+    return {id: residual[id] + J[id] @ step for id in w.tests}
+
+
+def discrepancy_mean(block: Block, residual: np.ndarray) -> np.ndarray:
+    """The discrepancy (m,), measured less computed, that ``residual`` (m,), computed less measured, tells."""
+    if not np.any(block.discrepancy):
+        return np.zeros(residual.size)
+    solved = np.linalg.solve(positive_definite(block.total), residual)
+    return -(np.asarray(block.discrepancy) @ solved)
+
+
+def relative_discrepancy(w: Covariance, id: str, residual: np.ndarray) -> float:
+    """The root mean square of that, as a part of the largest reading of test ``id``."""
+    gap = discrepancy_mean(w.tests[id], residual)
+    return float(np.sqrt(np.mean(gap**2)) / np.abs(w.grids[id].mean).max())
+
+
+def degrees_of_freedom(block: Block) -> float:
+    """How many independent values of the discrepancy readings tell: degrees of freedom of its size."""
+    return float(np.trace(np.linalg.solve(positive_definite(block.total), np.asarray(block.discrepancy))))

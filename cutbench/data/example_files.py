@@ -50,9 +50,8 @@ def copy_examples(folder: str | Path) -> Path:
             folder,
             ignore=shutil.ignore_patterns("results", "__pycache__", "make.py", ".ipynb_checkpoints"),
         )
-    except FileExistsError as error:
-        raise BadInput(key="--out", value=str(folder), expected="a folder that is not there yet") from error
     except OSError as error:
-        expected = f"a folder that can be written ({error.strerror})"
+        old, written = "a folder that is not there yet", f"a folder that can be written ({error.strerror})"
+        expected = old if isinstance(error, FileExistsError) else written
         raise BadInput(key="--out", value=str(folder), expected=expected) from error
     return folder

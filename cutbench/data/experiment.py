@@ -16,9 +16,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from cutbench.base.errors import BadInput
 from cutbench.base.toml import among, written
 from cutbench.data import plausible
+from cutbench.data.columns import require
 from cutbench.data.covariance import roughness, sawtooth_variance, scatter_covariance
 from cutbench.data.fields import Field
 from cutbench.data.repetition import (
@@ -116,31 +116,29 @@ class Experiment:
         written("id", self.id, "a name, such as 'slow'")
         for key, known in (("kind", KINDS), ("role", ROLES), ("direction", ("opening", "sliding"))):
             among(key, getattr(self, key), known)
-        if self.speed is not None and not (np.isfinite(self.speed) and self.speed > 0):
-            raise BadInput(key="speed", value=self.speed, expected="a speed above 0, such as '0.02 mm/s'")
+        moves = self.speed is None or (np.isfinite(self.speed) and self.speed > 0)
+        require(moves, "speed", self.speed, "a speed above 0, such as '0.02 mm/s'")
         for key in ("specimen", "blade"):
             object.__setattr__(self, key, MappingProxyType(dict(getattr(self, key))))
         object.__setattr__(self, "repetitions", tuple(self.repetitions))
-        if not self.repetitions:
-            raise BadInput(key="data", value=f"no reading in '{self.id}'", expected="one repetition or more")
+        require(self.repetitions, "data", f"no reading in '{self.id}'", "one repetition or more")
         for r in self.repetitions:
             for fault in self._faults(r):
                 raise r.wrong(*fault)
-        if self.kind == "cut" and self.speed is None and not self.timed:
-            expected = "the blade's speed, such as speed = '0.021 mm/s', or a time column"
-            raise BadInput(key="speed", value="(missing)", expected=expected)
-        if len({r.time_s is None for r in self.repetitions}) > 1:
-            raise BadInput(key="time", value="in some repetitions only", expected="a time in all or in none")
+        paced = self.kind != "cut" or self.speed is not None or self.timed
+        expected = "the blade's speed, such as speed = '0.021 mm/s', or a time column"
+        require(paced, "speed", None, expected)
+        alike = len({r.time_s is None for r in self.repetitions}) == 1
+        require(alike, "time", "in some repetitions only", "a time in all or in none")
         self._common_range()
-        for pictured in self.fields:
-            if not 0 < pictured.travel_mm <= self.reach + 1e-9:
-                expected = f"blade travels above 0 that the readings reach, {self.reach:g} mm"
-                raise BadInput(key="fields.travel", value=f"{pictured.travel_mm:g} mm", expected=expected)
+        for travel in (pictured.travel_mm for pictured in self.fields):
+            expected = f"blade travels above 0 that the readings reach, {self.reach:g} mm"
+            require(0 < travel <= self.reach + 1e-9, "fields.travel", f"{travel:g} mm", expected)
 
     def __reduce__(self):
-        given = {f.name: getattr(self, f.name) for f in fields(self)}
+        values = {f.name: getattr(self, f.name) for f in fields(self)}
         # A MappingProxyType has no pickle.
-        return partial(type(self), **given | {key: dict(given[key]) for key in ("specimen", "blade")}), ()
+        return partial(type(self), **values | {key: dict(values[key]) for key in ("specimen", "blade")}), ()
 
     # -- what it is ------------------------------------------------------------------------------
     @property
@@ -220,16 +218,10 @@ class Experiment:
     def _faults(self, r: Repetition) -> Iterator[tuple[str, str, str, int | None]]:
         """What is wrong: the key, its value, what would be right, and the reading where it shows."""
         arrays = {self.x_name: r.x, self.y_name: r.y, "time": r.time_s, "pressure": r.pressure_MPa}
-        for key, values in arrays.items():
-            if values is None:
-                continue
+        for key, values in ((key, values) for key, values in arrays.items() if values is not None):
             if values.shape != r.x.shape or values.ndim != 1:
-                yield (
-                    key,
-                    f"{values.size} readings",
-                    f"as many as of {self.x_name}, which has {r.x.size}",
-                    None,
-                )
+                many = f"as many as of {self.x_name}, which has {r.x.size}"
+                yield key, f"{values.size} readings", many, None
             for i in np.flatnonzero(~np.isfinite(values))[:1]:
                 yield key, f"{values[i]}", "a number in every reading", i
         if r.x.size < FEWEST:
@@ -257,11 +249,10 @@ class Experiment:
     def _common_range(self) -> None:
         """Repetitions must share at least half of the shortest way of the longest."""
         spans = [self._along(r) for r in self.repetitions]
-        low, high = max(s[0] for s in spans), min(s[-1] for s in spans)
-        longest = max(s[-1] - s[0] for s in spans)
-        if high - low < 0.5 * longest:
-            worst = min(range(len(spans)), key=lambda i: spans[i][-1] - spans[i][0])
-            r = self.repetitions[worst]
+        ways = [s[-1] - s[0] for s in spans]
+        longest = max(ways)
+        if min(s[-1] for s in spans) - max(s[0] for s in spans) < 0.5 * longest:
+            r = self.repetitions[ways.index(min(ways))]
             expected = (
                 f"repetitions that share at least half of their range ({longest:g} long); give others as"
                 " an experiment of their own"

@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 from cutbench.base.errors import BadInput
 from cutbench.base.toml import among, in_short, one_of
 from cutbench.base.units import parse_quantity
-from cutbench.data.layout import matching_titles
+from cutbench.data.columns import matching_titles
 from cutbench.data.table import read_table
 
 CONFIGURATIONS = ("deformed", "reference")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
@@ -20,7 +22,7 @@ from cutbench.base.figure_style import (
 from cutbench.data.campaign import Campaign
 from cutbench.data.experiment import Experiment
 from cutbench.data.field_comparison import Comparison
-from cutbench.data.measured import MeasuredCut
+from cutbench.data.measures import MeasuredCut
 from cutbench.data.repetition import Averaged
 
 
@@ -28,44 +30,40 @@ def plot_data(campaign: Campaign, n: int = 80) -> Figure:
     """A panel for each experiment: repetitions (thin), mean (thick), band of ± two standard deviations
     between specimens. With one repetition the band is that of the estimated reading noise. Tests with
     holds or returns have a second panel over time."""
-    kinds = {e.id: ["x", "time"] if e.timed and not e.monotone else ["x"] for e in campaign.experiments}
-    panels = [(e, kind) for e in campaign.experiments for kind in kinds[e.id]]
+    panels = [
+        (e, over, averaged)
+        for e, averaged in ((e, e.on_grid(n)) for e in campaign.experiments)
+        for over in (("x", "time") if e.timed and not e.monotone else ("x",))
+    ]
     columns = min(3, len(panels))
     rows = -(-len(panels) // columns)
     with style():
-        width = SINGLE_MM if columns == 1 else DOUBLE_MM
-        figure = new_figure(width, 18 + 58 * rows)
-        grid = figure.subplots(rows, columns, squeeze=False)
-        for axes in grid.ravel()[len(panels) :]:
+        figure = new_figure(SINGLE_MM if columns == 1 else DOUBLE_MM, 18 + 58 * rows)
+        grid = figure.subplots(rows, columns, squeeze=False).ravel()
+        for axes in grid[len(panels) :]:
             axes.set_visible(False)
-        averaged = {e.id: e.on_grid(n) for e in campaign.experiments}
-        for axes, (experiment, kind) in zip(grid.ravel(), panels, strict=False):
-            _panel(axes, experiment, averaged[experiment.id], kind)
-        legend_below(figure, grid.ravel(), 1 if columns == 1 else 3)
+        for axes, (experiment, over, averaged) in zip(grid, panels, strict=False):
+            _panel(axes, experiment, averaged, over)
+        legend_below(figure, grid, 1 if columns == 1 else 3)
         figure.suptitle(campaign.title, x=0.02, ha="left")
     return figure
 
 
-def _measures(axes: Axes, e: MeasuredCut) -> None:
-    """Numbers without a curve, as words."""
-    axes.set_axis_off()
-    axes.set_title(f"{e.id}\nmeasures of a cut to {e.depth_mm:g} mm", loc="left", fontsize=8)
-    lines = [f"{m.name.replace('_', ' ')}: {m}" for m in e.measures]
-    axes.text(0, 0.95, "\n".join(lines), va="top", fontsize=8, linespacing=1.6, transform=axes.transAxes)
-
-
 def _panel(axes: Axes, experiment: Experiment, averaged: Averaged, over: str) -> None:
-    scale, shown = experiment.shown
+    scale, y_unit = experiment.shown
     if isinstance(experiment, MeasuredCut):
-        _measures(axes, experiment)
+        axes.set_axis_off()
+        title = f"{experiment.id}\nmeasures of a cut to {experiment.depth_mm:g} mm"
+        axes.set_title(title, loc="left", fontsize=8)
+        words = "\n".join(f"{m.name.replace('_', ' ')}: {m}" for m in experiment.measures)
+        axes.text(0, 0.95, words, va="top", fontsize=8, linespacing=1.6, transform=axes.transAxes)
         return
     several = averaged.repetitions > 1
+    line: dict[str, Any] = {"color": GREY, "lw": 0.6, "ls": "-", "label": "repetitions"}
+    dots = {"color": COLOURS["black"], "marker": ".", "ls": "", "ms": 3, "label": "readings of one specimen"}
     for r in experiment.repetitions:
         along = r.x if over == "x" or r.time_s is None else r.time_s
-        if several:
-            axes.plot(along, scale * r.y, color=GREY, lw=0.6, ls="-", label="repetitions")
-        else:
-            axes.plot(along, scale * r.y, ".", color=COLOURS["black"], ms=3, label="readings of one specimen")
+        axes.plot(along, scale * r.y, **(line if several else dots))
     along = averaged.x if over == "x" or averaged.time_s is None else averaged.time_s
     spread = averaged.scatter if several else averaged.reading
     if over == "time" or experiment.monotone:
@@ -76,23 +74,17 @@ def _panel(axes: Axes, experiment: Experiment, averaged: Averaged, over: str) ->
         axes.plot(along, scale * averaged.mean, color=COLOURS["blue"], ls="-", lw=1.3, label="mean")
     if np.min(averaged.mean) < 0 < np.max(averaged.mean):
         axes.axhline(0, color="black", lw=0.5)
-    unit = "" if experiment.x_unit == "1" else f" ({experiment.x_unit})"
-    axes.set_xlabel(f"{experiment.x_name}{unit}" if over == "x" else "time (s)")
+    x_unit = "" if experiment.x_unit == "1" else f" ({experiment.x_unit})"
+    axes.set_xlabel(f"{experiment.x_name}{x_unit}" if over == "x" else "time (s)")
     name = "nominal stress" if experiment.y_name == "stress" else experiment.y_name
-    axes.set_ylabel(f"{name} ({shown})")
-    kind = experiment.kind.replace("_", " ")
-    parts = [kind] if kind != experiment.id else []
-    parts += ["only predicted"] if experiment.role == "test" else []
-    axes.set_title("\n".join([experiment.id, ", ".join(parts)]), loc="left", fontsize=8)
+    axes.set_ylabel(f"{name} ({y_unit})")
+    kind = experiment.kind.replace("_", " ") * (experiment.kind.replace("_", " ") != experiment.id)
+    role = "only predicted" * (experiment.role == "test")
+    below = ", ".join(filter(None, (kind, role)))
+    axes.set_title(f"{experiment.id}\n{below}", loc="left", fontsize=8)
 
 
 # -- fields -------------------------------------------------------------------------------------------
-#: Colours of a field end at these percentiles: single points at the blade would flatten the rest.
-_RANGE = (1, 99)
-#: Map of signed differences, white at zero, safe for the colour-blind.
-_SIGNED = "PuOr"
-
-
 def plot_dic(comparison: Comparison, title: str = "") -> Figure:
     """A row for each of u_x, u_y (mm, relative error) and E_xx, E_yy, E_xy (difference), drawn where the
     material is after the measured deformation. White: outside, or not measured."""
@@ -117,10 +109,13 @@ def plot_dic(comparison: Comparison, title: str = "") -> Figure:
                 axes.set_title(f"{name}, {head}", loc="left", fontsize=8)
             _bar(figure, drawn, line[1], "both")
             low, high = _limits(off.ravel())
-            signed = what == "difference"
-            most = max(abs(low), abs(high)) if signed else max(high, 1e-12)
-            drawn = _field(line[2], at, off, _SIGNED if signed else "Greys", -most if signed else 0, most)
-            _bar(figure, drawn, line[2], "both" if signed else "max")
+            # A map of signed differences is white at zero, and safe for the colour-blind.
+            most = max(abs(low), abs(high))
+            colours, least, extend = ("PuOr", -most, "both")
+            if what != "difference":
+                most, colours, least, extend = max(high, 1e-12), "Greys", 0.0, "max"
+            drawn = _field(line[2], at, off, colours, least, most)
+            _bar(figure, drawn, line[2], extend)
             line[2].set_title(f"{name.split(' ')[0]}, {what}", loc="left", fontsize=8)
             line[0].set_ylabel("y (mm)")
             for axes in line:
@@ -133,12 +128,10 @@ def plot_dic(comparison: Comparison, title: str = "") -> Figure:
 
 
 def _limits(values: np.ndarray) -> tuple[float, float]:
-    """The range of colours; one that is not empty."""
-    known = values[np.isfinite(values)]
-    if known.size == 0:
-        return 0.0, 1.0
-    low, high = np.percentile(known, _RANGE)
-    return (float(low), float(high)) if high > low else (float(low), float(low) + 1e-12)
+    """The range of colours; one that is not empty, and leaves out single points, as those at the blade."""
+    measured = values[np.isfinite(values)]
+    low, high = map(float, np.percentile(measured, (1, 99))) if measured.size else (0.0, 1.0)
+    return low, max(high, low + 1e-12)
 
 
 def _field(axes, at: np.ndarray, values: np.ndarray, colours: str, low: float, high: float) -> PolyCollection:
@@ -164,15 +157,13 @@ def _bar(figure: Figure, drawn: PolyCollection, axes, extend: str) -> None:
 
 def summary_lines(campaign: Campaign) -> list:
     """Head, then pairs of words."""
-    lines = [("baseline", campaign.model.described)]
+    lines = [campaign.title, ("baseline", campaign.model.described)]
     for e in campaign.experiments:
         count = len(e.repetitions)
-        if not e.curve:
-            lines.append((e.id, f"{e.kind}, {e.readings} measures, {e.role}"))
-            continue
-        times = f"{count} repetition{'s' if count > 1 else ''}, {e.readings} readings"
-        lines.append((e.id, f"{e.kind}, {times}, {e.role}"))
-    return [campaign.title, *lines]
+        times = f"{count} repetition{'s' * (count > 1)}, {e.readings} readings"
+        what = times if e.curve else f"{e.readings} measures"
+        lines.append((e.id, f"{e.kind}, {what}, {e.role}"))
+    return lines
 
 
 def plot(campaign: Campaign, ax: Axes) -> None:

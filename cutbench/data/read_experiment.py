@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
 from glob import glob
 from itertools import pairwise
 from pathlib import Path
@@ -13,41 +14,39 @@ from pathlib import Path
 import numpy as np
 
 from cutbench.base.errors import BadInput
-from cutbench.base.toml import among, in_short, located, nearest, one_of, path_hint, written
-from cutbench.base.units import parse_quantity
-from cutbench.data.contact import contact_notes
-from cutbench.data.conversion import TAKEN_OFF, repetitions_of, titles_of
+from cutbench.base.toml import in_short, located, path_hint, written
+from cutbench.data.columns import LABEL, did_you_mean, require
+from cutbench.data.contact import TAKEN_OFF, contact_notes, direction, zeros_taken_off
 from cutbench.data.experiment import HOMOGENEOUS, ROLES, Experiment, area_of
-from cutbench.data.experiment_kinds import (
-    ABSCISSA,
-    ORDINATE,
+from cutbench.data.experiment_section import (
     SIZES,
-    blade_units,
+    blade_of,
     by_repetition,
+    choice,
+    columns_of,
+    factors_of,
     kind_of,
     mean_sizes,
+    parse_either,
+    pressure_of,
     require_sizes,
-    section_of,
     size_notes,
     sizes_by_repetition,
+    speed_of,
+    units_of,
     written_sizes,
 )
 from cutbench.data.fields import read_fields_of
-from cutbench.data.layout import LABEL, UNITS
-from cutbench.data.measured import MeasuredCut, read_measured
-from cutbench.data.plausible import refuse_misread, travel_fits
-from cutbench.data.repetition import by_speed
+from cutbench.data.measures import MeasuredCut, read_measures
+from cutbench.data.plausible import check_steps, refuse_misread, travel_fits
+from cutbench.data.repetition import SAME_SPEED, Repetition, by_speed, first_return
 from cutbench.data.table import BLOCKS, Table, joined_files, read_table, with_blocks_read
 
-#: Other names under which a column may be given.
-_ALIASES = {"opening": "displacement", "slip": "displacement", "traction": "stress"}
 #: What a cut has of which measures are known.
 _KEYS_OF_MEASURES = (
     "id", "kind", "role", "source", "measures", "depth", "data", "columns", "units", "specimen", "blade",
     "speed",
 )  # fmt: skip
-#: Files of a folder that a message names.
-_MAX_FILES_SHOWN = 12
 
 
 @contextmanager
@@ -63,21 +62,20 @@ def _line(text: str, key: str, number: int) -> int | None:
     heads = [i for i, line in enumerate(lines) if re.match(r"\s*\[\[\s*[\"']?experiment[\"']?\s*\]\]", line)]
     if number >= len(heads):
         return None
-    end = heads[number + 1] if number + 1 < len(heads) else len(lines)
-    section, _, name = key.partition(".")
-    section, name = (section, name.rpartition(".")[2]) if name else ("", section)
+    begin, end = [*heads, len(lines)][number : number + 2]
+    section, _, name = key.rpartition(".")
+    section = section.partition(".")[0]
 
     def first(word: str, begin: int, stop: int) -> int | None:
         pattern = re.compile(rf"(^|[\s{{,.\[]){re.escape(word)}[\"']?\s*(=|\.|\])")
         return next((i for i in range(begin, stop) if pattern.search(lines[i].split("#")[0])), None)
 
-    opened = first(section, heads[number] + 1, end) if section else heads[number]
+    opened = first(section, begin + 1, end) if section else begin
     if opened is None:
-        return heads[number] + 1
+        return begin + 1
     # A table in one line, or its own section up to the next.
-    stop = end if lines[opened].lstrip().startswith("[") else opened + 1
-    found = first(name, opened, stop)
-    return (opened if found is None else found) + 1
+    line = first(name, opened, end if lines[opened].lstrip().startswith("[") else opened + 1)
+    return (opened if line is None else line) + 1
 
 
 def read_experiments(table: Mapping[str, object], folder: Path) -> list[Experiment]:
@@ -87,281 +85,242 @@ def read_experiments(table: Mapping[str, object], folder: Path) -> list[Experime
     Raises BadInput; where the fault is in a data file, the error names that file and its line.
     """
     kind = kind_of(table)
-    name = table.get("id")
-    name = written("id", name, "a name, such as id = 'slow'", value=in_short(name))
-    role = _choice(table, "role", ROLES, "train")
+    raw = table.get("id")
+    name = written("id", raw, "a name, such as id = 'slow'", value=in_short(raw))
+    role = choice(table, "role", ROLES, "train")
     sizes = written_sizes(table, "specimen", SIZES[kind], several=kind != "cut")
+    source = table.get("source", "")
+    require(isinstance(source, str), "source", source, "a text in quotes")
+    notes = [f"source: {source}"] if source else []
     if "measures" in table:
-        return [_measured(table, folder, name, role, sizes)]
-    columns = _columns(table, kind)
+        return [_measured(table, folder, name, role, sizes, notes)]
+    columns = columns_of(table, kind)
     require_sizes(kind, sizes, columns)
-    blade = _blade(table, kind)
-    units, factors = _units(table, columns), _factors(table, columns)
-    blocks = _choice(table, "blocks", BLOCKS) if "blocks" in table else None
-    skip = table.get("skip", [])
-    skip = [skip] if isinstance(skip, str) else skip
-    if not isinstance(skip, list) or not all(isinstance(text, str) and text.strip() for text in skip):
-        expected = "how lines that are no readings begin, such as skip = ['Mean', 'Maximum']"
-        raise BadInput(key="skip", value=str(skip)[:60], expected=expected)
-    tables = [
-        (
-            joined_files(
-                [with_blocks_read(read_table(p, columns, units, wide=True, skip=skip), blocks) for p in paths]
-            ),
-            label,
-        )
-        for paths, label in _files(table, folder)
-    ]
-    _refuse_consecutive_files([read for read, _ in tables])
-    titles = [title for read, label in tables for title in titles_of(read, label).values()]
-    for label, count in Counter(titles).items():
-        if count > 1:
-            raise BadInput(key=LABEL, value=label, expected="each repetition in one file only")
+    blade, factors = blade_of(table, kind), factors_of(table, columns)
+    tables = _tables(table, columns, folder)
+    titles = [title for read in tables for title in read.names]
+    for title, count in Counter(titles).items():
+        require(count == 1, LABEL, title, "each repetition in one file only")
     own = sizes_by_repetition(sizes, titles)
     specimen = mean_sizes(list(own.values()))
-    speed = _speed(table, kind, specimen)
-    pressure = _pressure(table, columns, specimen) if kind == "sliding" else 0.0
+    speed = speed_of(table, kind, specimen)
+    pressure = pressure_of(table, columns, specimen) if kind == "sliding" else 0.0
     zeros = {key: by_repetition(key, table[key], titles) for key in TAKEN_OFF if key in table}
-    repetitions = [
-        r
-        for read, label in tables
-        for r in repetitions_of(read, kind, label, table, own, speed, factors, zeros)
-    ]
-    source = table.get("source", "")
-    if not isinstance(source, str):
-        raise BadInput(key="source", value=str(source)[:60], expected="a text in quotes")
-    notes: tuple[str, ...] = (f"source: {source}",) if source else ()
-    if _choice(table, "stress", ("nominal", "cauchy"), "nominal") == "cauchy":
-        notes += ("Cauchy stress turned into nominal stress at constant volume, P = σ/λ",)
-    if _choice(table, "strain", ("engineering", "true"), "engineering") == "true":
-        notes += ("true strain turned into stretch, λ = exp(ε)",)
-    for read, _ in tables:
-        if len(read.specimens) > 1:
-            notes += (f"{read.path.name} holds specimens side by side: {', '.join(read.specimens)}",)
-        notes += read.notes
-    if kind == "sliding" and not pressure and not {"pressure", "normal_force"} & columns.keys():
-        notes += ("no pressure given: 0, so that only adhesion resists",)
+    repetitions = []
+    for read in tables:
+        for title in read.names:
+            asked = {**table, **{key: values[title] for key, values in zeros.items()}}
+            rows = read.rows(read.labels == title)
+            repetitions.append(_repetition(rows, kind, title, asked, own[title], speed, factors))
+    stress = choice(table, "stress", ("nominal", "cauchy"), "nominal")
+    strain = choice(table, "strain", ("engineering", "true"), "engineering")
+    free = kind == "sliding" and not pressure and not {"pressure", "normal_force"} & columns.keys()
+    said = {
+        "Cauchy stress turned into nominal stress at constant volume, P = σ/λ": stress == "cauchy",
+        "true strain turned into stretch, λ = exp(ε)": strain == "true",
+        **dict.fromkeys((note for read in tables for note in read.notes), True),
+        "no pressure given: 0, so that only adhesion resists": free,
+    }
+    notes += [note for note, holds in said.items() if holds]
     fields, noise_mm = read_fields_of(table["fields"], folder) if "fields" in table else ((), 0.0)
-    notes += tuple(dict.fromkeys(note for field in fields for note in field.notes))
+    notes += dict.fromkeys(note for field in fields for note in field.notes)
     refuse_misread(kind, repetitions, table)
-    direction = _choice(table, "direction", ("opening", "sliding"), "opening")
+    direction = choice(table, "direction", ("opening", "sliding"), "opening")
     groups = [repetitions] if "speed" in table else by_speed(repetitions)
     if len(groups) > 1:
-        if fields:
-            expected = "an experiment of one speed beside it"
-            raise BadInput(key="fields", value=f"tests at {len(groups)} speeds", expected=expected)
-        notes += (f"specimens went at speeds far apart, and '{name}' is read as {len(groups)} tests",)
-    made = []
-    for group in groups:
-        sized = mean_sizes([own[r.name] for r in group])
-        its_own = contact_notes(group) + size_notes(kind, sizes, sized, all(r.x.max() <= 1.01 for r in group))
+        expected = "an experiment of one speed beside it"
+        require(not fields, "fields", f"tests at {len(groups)} speeds", expected)
+        notes.append(f"specimens went at speeds far apart, and '{name}' is read as {len(groups)} tests")
+
+    def experiment(group: Sequence[Repetition]) -> Experiment:
+        mean = mean_sizes([own[r.name] for r in group])
+        pressed = all(r.x.max() <= 1.01 for r in group)
+        every = (*notes, *contact_notes(group), *size_notes(kind, sizes, mean, pressed))
         unit = "1/s" if kind in HOMOGENEOUS else "mm/s"
-        called = name if len(groups) == 1 else f"{name} at {group[0].speed:.3g} {unit}"
-        made.append(
-            Experiment(
-                called, kind, tuple(group), role, sized, blade, speed, pressure, direction, notes + its_own,
-                fields, noise_mm,
-            )
-        )  # fmt: skip
+        id = name if len(groups) == 1 else f"{name} at {group[0].speed:.3g} {unit}"
+        e = Experiment(
+            id, kind, tuple(group), role, mean, blade, speed, pressure, direction, every, fields, noise_mm
+        )
         if kind == "cut":
-            travel_fits(made[-1])
-        _check_speed(made[-1])
-    return made
+            travel_fits(e)
+        # A factor of 60 is a minute taken for a second.
+        expected = (
+            f"the speed of the readings, {e.travel_speed:.4g} {unit}; with a time column it may be left out"
+        )
+        agrees = speed is None or not e.timed or 1 / 3 < e.travel_speed / speed < 3
+        require(agrees, "speed", f"{speed or 0.0:.4g} {unit}", expected)
+        return e
+
+    return [experiment(group) for group in groups]
 
 
-def _measured(table: Mapping, folder: Path, name: str, role: str, sizes: Mapping) -> MeasuredCut:
+def _measured(
+    table: Mapping, folder: Path, name: str, role: str, sizes: Mapping, notes: Sequence[str]
+) -> MeasuredCut:
     """A cut of which no curve is known."""
-    for key in table:
-        if key not in _KEYS_OF_MEASURES:
-            expected = "it beside a curve, not beside measures"
-            raise BadInput(key=key, value=in_short(table[key]), expected=expected)
+    for key, raw in table.items():
+        require(key in _KEYS_OF_MEASURES, key, raw, "it beside a curve, not beside measures")
     require_sizes("cut", sizes, {})
-    measures, depth_mm, notes = read_measured(table, folder)
-    speed = _speed(table, "cut", {})
-    source = table.get("source", "")
-    notes = ((f"source: {source}",) if source else ()) + notes
-    return MeasuredCut.of(name, measures, depth_mm, sizes, _blade(table, "cut"), speed, role, notes)
+    measures, depth_mm, more = read_measures(table, folder)
+    speed, blade = speed_of(table, "cut", {}), blade_of(table, "cut")
+    return MeasuredCut.of(name, measures, depth_mm, sizes, blade, speed, role, (*notes, *more))
 
 
-# -- what a person wrote ----------------------------------------------------------------------------
-def _blade(table: Mapping, kind: str) -> dict[str, float]:
-    sharp = written_sizes(table, "blade", blade_units().keys() if kind == "cut" else ())
-    blade = {key: size for key, size in sharp.items() if isinstance(size, float)}
-    if kind == "cut" and "thickness" not in blade:
-        raise BadInput(key="blade.thickness", value="(missing)", expected="blade = { thickness = '0.7 mm' }")
-    return blade
+# -- the files of the readings ------------------------------------------------------------------------
+def _tables(table: Mapping, columns: Mapping, folder: Path) -> list[Table]:
+    """The readings of each file, or of several that follow one another, labelled by repetition. Raises
+    BadInput."""
+    units, blocks, skip = units_of(table, columns), choice(table, "blocks", BLOCKS, ""), table.get("skip", [])
+    skip = [skip] if isinstance(skip, str) else skip
+    good = isinstance(skip, list) and all(isinstance(text, str) and text.strip() for text in skip)
+    require(good, "skip", skip, "how lines that are no readings begin, such as skip = ['Mean', 'Maximum']")
+    files = _files(table, folder)
+    tables = []
+    for paths in files:
+        parts = [read_table(path, columns, units, wide=True, skip=skip) for path in paths]
+        tables.append(joined_files([with_blocks_read(part, blocks) for part in parts]))
+    _refuse_consecutive_files(tables)
+    several = len(files) > 1
+    return [read.called(paths[0].stem if several else "") for read, paths in zip(tables, files, strict=True)]
 
 
-def _choice(table: Mapping, key: str, known: tuple[str, ...], default: str | None = None) -> str:
-    value = table.get(key, default)
-    among(key, value, known, value=in_short(value))
-    return str(value)
-
-
-def _columns(table: Mapping, kind: str) -> dict[str, str | int | list[str | int]]:
-    """Column by role, or one for each specimen; without ``columns`` they are looked for by their roles."""
-    optional = ("time", "speed", LABEL) + (("pressure", "normal_force") if kind == "sliding" else ())
-    known = (*ABSCISSA[kind], *ORDINATE[kind], *optional)
-    given = section_of(table, "columns")
-    found: dict[str, str | int | list[str | int]] = {}
-    for key, name in given.items():
-        role = _ALIASES.get(key, key) if kind not in ("cut", *HOMOGENEOUS) else key
-        if role not in known:
-            raise BadInput(key=f"columns.{key}", value=str(name)[:60], expected=one_of(key, known))
-        listed = name if isinstance(name, list) and role != LABEL else [name]
-        if not listed or not all(_is_column(one) for one in listed):
-            expected = "the column's name in the header, or its number from 1"
-            raise BadInput(key=f"columns.{key}", value=str(name)[:60], expected=expected)
-        found[role] = name
-    counts = {key: len(name) for key, name in given.items() if isinstance(name, list)}
-    for key, count in counts.items():
-        if LABEL in found or count != max(counts.values()):
-            expected = f"a column for each specimen, {max(counts.values())} in every list, and no repetition"
-            raise BadInput(key=f"columns.{key}", value=str(given[key])[:60], expected=expected)
-    if not given:
-        found = {ABSCISSA[kind][0]: ABSCISSA[kind][0], ORDINATE[kind][0]: ORDINATE[kind][0]}
-    for what, choices in (("x", ABSCISSA[kind]), ("y", ORDINATE[kind])):
-        named = [role for role in choices if role in found]
-        if len(named) > 1:
-            expected = f"it or {named[0]}, not both"
-            raise BadInput(key=f"columns.{named[1]}", value=str(found[named[1]]), expected=expected)
-        if not named and not (what == "x" and kind == "sliding" and "time" in found):
-            expected = f"a column of {' or '.join(choices)}"
-            raise BadInput(key=f"columns.{choices[0]}", value="(missing)", expected=expected)
-    return found
-
-
-def _is_column(name: object) -> bool:
-    return bool(name.strip()) if isinstance(name, str) else type(name) is int and name >= 1
-
-
-def _speed(table: Mapping, kind: str, specimen: Mapping[str, float]) -> float | None:
-    """mm/s; for a homogeneous test 1/s of stretch, for which a speed is divided by the length."""
-    if "speed" not in table:
-        return None
-    raw, rate = table["speed"], None
-    if kind in HOMOGENEOUS:
-        with suppress(BadInput):
-            rate = parse_quantity(raw, "1/s", key="speed")
-    if rate is None:
-        rate = parse_quantity(raw, "mm/s", key="speed")
-        if kind in HOMOGENEOUS:
-            if "length" not in specimen:
-                expected = "specimen.length beside it, or a rate such as '0.1 1/s'"
-                raise BadInput(key="speed", value=str(raw), expected=expected)
-            rate /= specimen["length"]
-    if not (np.isfinite(rate) and rate > 0):
-        raise BadInput(key="speed", value=str(raw), expected="a speed above 0, such as '0.02 mm/s'")
-    return rate
-
-
-def _by_role(table: Mapping, section: str, columns: Mapping) -> Iterator[tuple[str, str, object]]:
-    """Full key, role of the column and what is written, for each entry of ``section``. Raises BadInput."""
-    known = [name for name in columns if name != LABEL]
-    for key, raw in section_of(table, section).items():
-        role = _ALIASES[key] if _ALIASES.get(key) in columns else key
-        among(f"{section}.{key}", role, known, value=str(raw)[:60])
-        yield f"{section}.{key}", role, raw
-
-
-def _units(table: Mapping, columns: Mapping) -> dict[str, str]:
-    found = {}
-    for key, role, unit in _by_role(table, "units", columns):
-        expected = f"a unit in quotes, such as '{UNITS[role]}'"
-        found[role] = written(key, unit, expected, value=str(unit)[:60])
-    return found
-
-
-def _factors(table: Mapping, columns: Mapping) -> dict[str, float]:
-    found = {}
-    for key, role, raw in _by_role(table, "factors", columns):
-        found[role] = parse_quantity(raw, "1", key=key)
-        if not np.isfinite(found[role]) or found[role] == 0:
-            raise BadInput(key=key, value=str(raw), expected="a factor other than 0, such as -1")
-    return found
-
-
-def _pressure(table: Mapping, columns: Mapping, specimen: Mapping[str, float]) -> float:
-    given = [k for k in ("pressure", "normal_force") if k in table or k in columns]
-    if len(given) > 1 or any(k in table and k in columns for k in given):
-        expected = "the pressure once: as value or as column"
-        raise BadInput(key=given[-1], value="given twice", expected=expected)
-    if "pressure" in table:
-        value = parse_quantity(table["pressure"], "MPa", key="pressure")
-    elif "normal_force" in table:
-        area = area_of("sliding", specimen)
-        if area is None:
-            raise BadInput(key="specimen.area", value="(missing)", expected="specimen = { area = '… mm^2' }")
-        value = parse_quantity(table["normal_force"], "N", key="normal_force") / area
-    else:
-        return 0.0
-    if not (np.isfinite(value) and value >= 0):
-        raise BadInput(key=given[0], value=str(table[given[0]]), expected="0 or more")
-    return value
-
-
-def _files(table: Mapping, folder: Path) -> list[tuple[list[Path], str | None]]:
-    """The files of each specimen, one or several that follow one another, and its name if there are several
-    specimens."""
+def _files(table: Mapping, folder: Path) -> list[list[Path]]:
+    """The files of each specimen, one or several that follow one another."""
     data = table.get("data")
-    entries = data if isinstance(data, list) else [data]
-    found: list[list[str]] = []
-    for entry in entries:
+    specimens: list[list[str]] = []
+    for entry in data if isinstance(data, list) else [data]:
         parts = entry if isinstance(entry, list) else [entry]
-        if not parts or not all(isinstance(name, str) and name.strip() for name in parts):
-            expected = (
-                "a file beside this one, such as data = 'slow.csv', a list of files, one a specimen, or, for"
-                " files of one specimen that follow one another, data = [['ramp.csv', 'hold.csv']]"
-            )
-            raise BadInput(key="data", value=in_short(data), expected=expected)
+        expected = (
+            "a file beside this one, such as data = 'slow.csv', a list of files, one a specimen, or, for"
+            " files of one specimen that follow one another, data = [['ramp.csv', 'hold.csv']]"
+        )
+        good = parts and all(isinstance(name, str) and name.strip() for name in parts)
+        require(good, "data", data, expected)
         files = [file for name in parts for file in _matching(str(name), folder)]
-        found += [files] if isinstance(entry, list) else [[file] for file in files]
-    every = [file for files in found for file in files]
-    if len(set(every)) < len(every):
-        raise BadInput(key="data", value=str(every)[:200], expected="each file once")
-    several = len(found) > 1
-    return [([folder / name for name in files], Path(files[0]).stem if several else None) for files in found]
+        specimens += [files] if isinstance(entry, list) else [[file] for file in files]
+    every = [file for files in specimens for file in files]
+    require(len(set(every)) == len(every), "data", every, "each file once")
+    return [[folder / name for name in files] for files in specimens]
 
 
 def _refuse_consecutive_files(tables: list[Table]) -> None:
     """Raise BadInput where a file begins at the travel at which the one before it ends: they follow one
     another, and are no specimens."""
+    names = [read.path.name for read in tables]
     for role in ("displacement", "stretch", "strain"):
         for one, other in pairwise(tables):
-            if role not in one.columns or one.labels is not None or one.lines.size < 2:
+            if role not in one.columns or one.labelled or one.lines.size < 2:
                 continue
             x, begins = one.columns[role], other.columns[role][0]
-            if abs(begins - x[0]) > 0.5 * np.ptp(x) and abs(begins - x[-1]) < 0.02 * np.ptp(x):
-                names = [read.path.name for read in tables]
-                expected = (
-                    f"data = [{names}], files of one specimen that follow one another: {other.path.name}"
-                    f" begins where {one.path.name} ends; a plain list is a specimen a file"
-                )
-                raise BadInput(key="data", value=str(names)[:60], expected=expected)
+            expected = (
+                f"data = [{names}], files of one specimen that follow one another: {other.path.name}"
+                f" begins where {one.path.name} ends; a plain list is a specimen a file"
+            )
+            follows = abs(begins - x[0]) > 0.5 * np.ptp(x) and abs(begins - x[-1]) < 0.02 * np.ptp(x)
+            require(not follows, "data", names, expected)
 
 
 def _matching(name: str, folder: Path) -> list[str]:
     """The file called ``name``, or those that match it as a pattern such as cut_*.csv, by their numbers."""
     if (folder / name).is_file():
         return [name]
-    found = [file for file in glob(name, root_dir=folder) if (folder / file).is_file()]
-    if not found:
-        there = sorted(path.name for path in folder.iterdir() if path.is_file() and path.suffix != ".toml")
-        shown = ", ".join(there[:_MAX_FILES_SHOWN]) + (", …" if len(there) > _MAX_FILES_SHOWN else "")
-        guess = nearest(name, there)
-        expected = (
-            f"a file that exists in {folder}" + (f"; there are {shown}" if there else ", which has none")
-        ) + (path_hint(name) or f"; did you mean '{guess}'?" * bool(guess))
-        raise BadInput(key="data", value=name, expected=expected)
-    return sorted(found, key=lambda file: [int(p) if p.isdigit() else p for p in re.split(r"(\d+)", file)])
+    files = [file for file in glob(name, root_dir=folder) if (folder / file).is_file()]
+    if not files:
+        others = sorted(path.name for path in folder.iterdir() if path.is_file() and path.suffix != ".toml")
+        listed = ", ".join(others[:12]) + ", …" * (len(others) > 12)
+        beside = f"; there are {listed}" if others else ", which has none"
+        hint = path_hint(name) or did_you_mean(name, others)
+        raise BadInput("data", name, f"a file that exists in {folder}{beside}{hint}")
+    return sorted(files, key=lambda file: [int(p) if p.isdigit() else p for p in re.split(r"(\d+)", file)])
 
 
-def _check_speed(e: Experiment) -> None:
-    """The written speed against that of the time column: a factor of 60 is a minute taken for a second."""
-    if e.speed is None or not e.timed:
-        return
-    moved = e.travel_speed
-    if not 1 / 3 < moved / e.speed < 3:
-        unit = "1/s" if e.kind in HOMOGENEOUS else "mm/s"
-        expected = f"the speed of the readings, {moved:.4g} {unit}; with a time column it may be left out"
-        raise BadInput(key="speed", value=f"{e.speed:.4g} {unit}", expected=expected)
+# -- from recorded columns to readings -----------------------------------------------------------------
+def _repetition(
+    table: Table, kind: str, title: str, written: Mapping, specimen: Mapping[str, float],
+    speed: float | None, factors: Mapping[str, float],
+) -> Repetition:  # fmt: skip
+    """The readings of one specimen."""
+    if table.clock:
+        table = table.having(time=table.columns["time"] - table.columns["time"][0])
+    check_steps(table.columns, table.files, table.lines)
+    length = specimen.get("length", 1.0) if kind in HOMOGENEOUS else 1.0
+    area = (area_of(kind, specimen) or 1.0) if kind != "cut" else 1.0
+    if "speed" in table.columns:
+        speeds = np.abs(table.columns["speed"])
+        value, line = f"{speeds.max():g} mm/s", int(table.lines[speeds.argmax()])
+        expected = "one speed in each repetition; a column of time says more"
+        require(speeds.max() <= SAME_SPEED * speeds.min(), "speed", value, expected, table.files[0], line)
+        speed = speeds.mean() / length
+    table, contact = zeros_taken_off(table, written, factors, title)
+    here = table.columns
+    rest = float(kind in HOMOGENEOUS)
+    abscissa: dict[str, Callable[[np.ndarray], np.ndarray]] = {
+        "stretch": lambda stretch: stretch,
+        "strain": lambda strain: 1 + strain,
+        "displacement": lambda u: rest + u / length,
+        "time": lambda t: (speed or 0.0) * (t - t[0]),
+    }
+    role = next(role for role in abscissa if role in here)
+    expected = "the sliding speed, or a column of displacement"
+    require(role != "time" or speed is not None, "speed", None, expected)
+    x = abscissa[role](here[role])
+    y = here["stress"] if "stress" in here else here["force"] / area
+    if written.get("strain") == "true":
+        x = np.exp(x - 1)
+    if written.get("stress") == "cauchy":
+        y = y / np.where(x > 0, x, np.nan)
+    if "normal_force" in here:
+        table = table.having(pressure=here["normal_force"] / area)
+    first = contact.first if contact is not None and "zero" in written else 0
+    keep = _selected_readings(written, kind, x, first, length if "displacement" in here else None)
+    table = table.having(x=x, y=y).rows(keep)
+    x, time = table.columns["x"], table.columns.get("time")
+    if time is None and speed is not None and not (kind == "cut" and first_return(x) is not None):
+        way = np.cumsum(np.append(abs(x[0] - rest), np.abs(np.diff(x))))
+        # Equal abscissas, as coarse sensors give them, need times that differ.
+        time = (way + 1e-9 * way[-1] * np.arange(x.size)) / speed
+    scales = {"displacement": length, "force": area}
+    channels = {
+        role: replace(channel, factor=factors.get(role), scale=scales.get(role, 1.0))
+        for role, channel in table.channels.items()
+    }
+    y, pressure = table.columns["y"], table.columns.get("pressure")
+    file = table.files[0] if len(set(table.files)) == 1 else tuple(table.files)
+    return Repetition(x, y, time, title, pressure, file, table.lines, contact, channels)
+
+
+def _selected_readings(
+    written: Mapping, kind: str, x: np.ndarray, first: int, length: float | None
+) -> np.ndarray:
+    """The readings (k,) that count: from contact on, on the way out that begins with reading ``first``, where
+    that is known, from ``from`` up to the first beyond ``until``, which is ``return`` for the farthest.
+    Raises BadInput if none are left, or ``until`` is far from all."""
+    way, strained = direction(x[first:]), kind in HOMOGENEOUS
+    out = way * (x - strained)
+    far = f"they go to {x[np.argmax(out)]:.4g}{'' if strained else ' mm'}"
+    if strained and length is not None:
+        far += f", a displacement of {length * out.max():.4g} mm"
+    far += " from contact" * ("zero" in written)
+
+    def place(key: str) -> float:
+        """How far from rest; in a test whose file has displacements these, too."""
+        moved = "1" if strained and length is None else "mm"
+        value, unit = parse_either(written[key], moved, "1" if strained else "mm", key)
+        return abs(value) / length if strained and length and unit == "mm" else way * (value - strained)
+
+    keep = np.arange(x.size)
+    if written.get("until") == "return":
+        keep = keep[: first + int(np.argmax(out[first:])) + 1]
+    elif "until" in written:
+        end = place("until")
+        near = end <= 1.5 * out.max()
+        require(near, "until", written["until"], f"a place that the readings reach; {far}")
+        keep = keep[: int(np.argmax(out > end)) if out.max() > end else x.size]
+    if "from" in written:
+        reached = out[keep] >= place("from")
+        keep = keep[int(np.argmax(reached)) :] if reached.any() else keep[:0]
+    if "zero" in written:
+        keep = keep[(out[keep] >= 0) & (keep >= first)]
+    for key in (key for key in ("from", "until", "zero") if key in written):
+        require(keep.size, key, written[key], f"a place that leaves readings; {far}")
+    return keep

@@ -21,47 +21,82 @@ import numpy as np
 
 from cutbench.base.errors import BadInput
 from cutbench.base.unit_spelling import meant_unit, size_of
-from cutbench.data.layout import LABEL, UNITS, Column, Layout, bracketed, find_layout, parted, units_row
-from cutbench.data.repetition import Channel
-from cutbench.data.text_cells import (
+from cutbench.data.columns import (
+    LABEL,
+    UNITS,
+    Asked,
+    Cells,
+    Layout,
     between_ticks,
-    error_at_line,
+    bracketed,
+    decimal_comma,
+    find_layout,
     is_clock,
     is_empty,
-    is_missing,
     lines_of,
-    number_in,
-    seconds,
+    parted,
+    require,
     split_line,
-    with_unit,
+    units_row,
 )
+from cutbench.data.repetition import Channel
 
 
 @dataclass(frozen=True)
 class Table:
-    """Columns by role, (n,) in mm, N, s, MPa; ``labels`` (n,) of the repetitions; ``lines`` (n,) and
-    ``files`` (n,), where each reading stands; ``specimens`` that stand side by side, by name.
+    """Columns by role, (n,) in mm, N, s, MPa; of each reading the label of its repetition ('' where there is
+    one), the file and the line where it stands, and which of the parts below each other it is in.
 
-    ``blocks`` (n,) count parts below each other, and ``titles`` are what stands above each. ``notes`` say
-    what was passed over or overruled; ``clock``: the times are those of a clock.
+    ``specimens`` stand side by side, by name, and ``titles`` above each part. ``notes`` say what was passed
+    over or overruled; ``clock``: the times are those of a clock.
     """
 
     path: Path
     columns: Mapping[str, np.ndarray]
-    labels: tuple[str, ...] | None
+    labels: np.ndarray
     lines: np.ndarray
-    files: tuple[str, ...]
+    files: np.ndarray
+    blocks: np.ndarray
+    titles: tuple[str, ...]
     specimens: tuple[str, ...] = ()
-    blocks: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=int))
-    titles: tuple[str, ...] = ("",)
     notes: tuple[str, ...] = ()
     clock: bool = False
     channels: Mapping[str, Channel] = field(default_factory=dict)
 
+    @property
+    def labelled(self) -> bool:
+        """Whether it holds several repetitions by name."""
+        return bool(self.labels.size and self.labels[0])
+
+    @property
+    def names(self) -> list[str]:
+        """The labels, each once."""
+        return list(dict.fromkeys(self.labels))
+
+    def called(self, file: str) -> Table:
+        """Its repetitions by the name of their ``file``, where that is told, and by their own."""
+        names = ["/".join(filter(None, (file, own))) or "1" for own in self.labels]
+        return replace(self, labels=np.array(names, dtype=object))
+
+    def having(self, **columns: np.ndarray) -> Table:
+        """With these columns beside its own, or in their place."""
+        return replace(self, columns={**self.columns, **columns})
+
+    def rows(self, which: np.ndarray) -> Table:
+        """Of ``which`` readings alone, a mask or indices (k,)."""
+        return replace(
+            self,
+            columns={role: values[which] for role, values in self.columns.items()},
+            labels=self.labels[which],
+            lines=self.lines[which],
+            files=self.files[which],
+            blocks=self.blocks[which],
+        )
+
 
 def read_table(
     path: str | Path,
-    columns: Mapping[str, Column | Sequence[Column]],
+    columns: Asked,
     units: Mapping[str, str] | None = None,
     blanks: Sequence[str] = (),
     *,
@@ -82,125 +117,86 @@ def read_table(
     lines = lines_of(path)
     layout = find_layout(path, lines, columns, wide)
     rows, titles, notes = rows_of(path, lines, layout, skip)
-    layout = replace(layout, below={**layout.below, **_units_of_cells(path, layout, rows)})
-    comma = decimal_comma(path, layout, rows)
-    found: dict[str, list[float]] = {role: [] for role in columns if role != LABEL}
-    labels: list[str] = []
-    ordered: list[Row] = []
-    clock, channels = False, dict[str, Channel]()
-    for k, specimen in enumerate(layout.specimens):
-        part = _of_specimen(layout, rows, k)
-        for role in found:
-            title, cells = layout.title(role, k), [row.cells[layout.where[role][k]] for row in part]
-            if role == "time" and cells and is_clock(cells[0]):
-                times, at, wanted = seconds(cells, units.get(role))
-                if at is not None:
-                    raise error_at_line(path, part[at].line, title, cells[at], wanted)
-                clock, found[role] = True, [*found[role], *times]
+    several = len(layout.specimens) > 1
+    if several:
+        notes.insert(0, f"{path.name} holds specimens side by side: {', '.join(layout.specimens)}")
+    numbers, blocks = ([getattr(row, name) for row in rows] for name in ("line", "block"))
+
+    def cells_of(at: int) -> Cells:
+        return Cells(path, layout.title(at), [row.cells[at] for row in rows], numbers, layout.below.get(at))
+
+    cells = {at: cells_of(at).without_units() for at in layout.read}
+    comma = decimal_comma([cells[at] for at in layout.read])
+    heading = layout.header + 1 if layout.header >= 0 else None
+    values: dict[str, list[np.ndarray]] = {role: [] for role in columns if role != LABEL}
+    counts, clock, channels = [], False, dict[str, Channel]()
+    for k in range(len(layout.specimens)):
+        counts.append(_length([cells[at] for at in layout.own(k)]) if several else len(rows))
+        for role, read in values.items():
+            own = cells[layout.where[role][k]].until(counts[-1])
+            if role == "time" and own.texts and is_clock(own.texts[0]):
+                clock = True
+                read.append(own.seconds(units.get(role)))
                 continue
-            factor, unit, note = _factor(path, layout, role, k, units.get(role))
-            channels.setdefault(role, Channel(title, unit))
+            factor, unit, note = _unit_of(own, role, units.get(role), heading)
+            channels.setdefault(role, Channel(own.title, unit))
             notes += [note] if note and note not in notes else []
-            for text, row in zip(cells, part, strict=True):
-                blank = role in blanks and (not text or is_missing(text))
-                found[role].append(
-                    factor * (np.nan if blank else _number(path, title, text, row.line, comma))
-                )
-        ordered += part
-        labels += [specimen] * len(part)
+            read.append(factor * own.numbers(comma, role in blanks))
+    labels = np.repeat(np.array(layout.specimens, dtype=object), counts)
     if LABEL in columns:
-        labels = [row.cells[layout.where[LABEL][0]] for row in rows]
-        if "" in labels:
-            wanted = "the name of a repetition in every reading"
-            raise error_at_line(path, rows[labels.index("")].line, layout.title(LABEL), "", wanted)
-    beside = layout.specimens if len(layout.specimens) > 1 else ()
-    read = {role: np.array(values) for role, values in found.items()}
-    if "time" in read:
-        parts = np.split(read["time"], np.flatnonzero(np.diff(read["time"]) < 0) + 1)
+        by = cells_of(layout.where[LABEL][0])
+        labels = np.array(by.texts, dtype=object)
+        if "" in by.texts:
+            raise by.wrong(by.texts.index(""), "the name of a repetition in every reading")
+    joined = {role: np.concatenate(parts) for role, parts in values.items()}
+    if "time" in joined:
+        parts = np.split(joined["time"], np.flatnonzero(np.diff(joined["time"]) < 0) + 1)
         times = np.concatenate([between_ticks(part) for part in parts])
-        if not np.array_equal(times, read["time"]):
+        if not np.array_equal(times, joined["time"]):
             notes.append(f"{path.name}: readings that share a coarse clock's time are even between its ticks")
-        read["time"] = times
+        joined["time"] = times
+    order = np.concatenate([np.arange(count) for count in counts])
+    files = np.full(order.size, str(path), dtype=object)
     return Table(
-        path,
-        read,
-        tuple(labels) if beside or LABEL in columns else None,
-        np.array([row.line for row in ordered], dtype=int),
-        (str(path),) * len(ordered),
-        beside,
-        np.array([row.block for row in ordered], dtype=int),
-        tuple(titles),
-        tuple(notes),
-        clock,
-        channels,
-    )
+        path, joined, labels, np.array(numbers)[order], files, np.array(blocks)[order], tuple(titles),
+        layout.specimens if several else (), tuple(notes), clock, channels,
+    )  # fmt: skip
 
 
-def _units_of_cells(path: Path, layout: Layout, rows: list[Row]) -> dict[int, str]:
-    """By column the unit that stands in each of its cells, and is taken off. Raises BadInput for another."""
-    units = {}
-    for at in layout.read:
-        first = next((cell for row in rows if with_unit(cell := row.cells[at])), None)
-        if first is None:
-            continue
-        _, unit = with_unit(first) or ("", "")
-        for row in rows:
-            cell = row.cells[at]
-            if cell and not is_missing(cell) and not cell.endswith(unit):
-                expected = f"the unit of the others in each cell, as in '{first}'"
-                raise error_at_line(path, row.line, layout.title_of(at), cell, expected)
-            row.cells[at] = cell.removesuffix(unit).strip()
-        units[at] = unit
-    return units
+def _length(columns: Sequence[Cells]) -> int:
+    """How many readings there are up to the last of any of these columns."""
+    return max((k for cells in columns for k, text in enumerate(cells.texts, 1) if text), default=0)
 
 
-def _of_specimen(layout: Layout, rows: list[Row], specimen: int) -> list[Row]:
-    """The rows up to the last in which this specimen has a reading."""
-    if len(layout.specimens) == 1:
-        return rows
-    own = layout.own(specimen)
-    last = max((i for i, row in enumerate(rows) if any(row.cells[at] for at in own)), default=-1)
-    return rows[: last + 1]
-
-
-def _factor(
-    path: Path, layout: Layout, role: str, specimen: int, given: str | None
+def _unit_of(
+    cells: Cells, role: str, told: str | None, heading: int | None
 ) -> tuple[float, str | None, str | None]:
     """From the file's unit of ``role`` to the internal one, the unit that is written, and what to know of it:
-    units of the campaign overrule the file's."""
-    target, title = UNITS[role], layout.title(role, specimen)
+    the unit that was ``told`` by the campaign overrules the file's."""
+    target, title = UNITS[role], cells.title
     if not target:
         return 1.0, None, None
-    written = layout.below.get(layout.where[role][specimen]) or parted(title, target)[1]
+    written = cells.unit or parted(title, target)[1]
     factor = size_of(written or "", target)
-    if given is not None:
-        if (own := size_of(given, target)) is None:
-            raise BadInput(key=f"units.{role}", value=given, expected=meant_unit(given, target))
-        overruled = f"{path.name}: {title} is read in '{given}', as units.{role} says, not in '{written}'"
-        return own, given, overruled if written is not None and factor != own else None
-    if factor is not None:
-        return factor, written, None
+    if told is not None:
+        own = size_of(told, target)
+        if own is None:
+            raise BadInput(f"units.{role}", told, meant_unit(told, target))
+        overruled = (
+            f"{cells.path.name}: {title} is read in '{told}', as units.{role} says, not in '{written}'"
+        )
+        return own, told, overruled if written is not None and factor != own else None
     other = written or bracketed(title)
-    if target == "1" and other is None:
-        return 1.0, None, None
-    instead = f"units = {{ {role} = '{target}' }} in the campaign says it where the file does not, or wrongly"
-    line = layout.header + 1 if layout.header >= 0 else None
-    raise error_at_line(
-        path, line, title, other or "no unit", f"{meant_unit(other or '', target)}; {instead}"
-    )
-
-
-def _number(path: Path, title: str, cell: str, line: int, comma: bool) -> float:
-    value = number_in(cell, comma)
-    if value is None:
-        wanted = "a number in every reading" + ("" if cell.strip() else "; the cell is empty")
-        raise error_at_line(path, line, title, cell, wanted)
-    return value
+    if factor is None and (other is not None or target != "1"):
+        instead = (
+            f"units = {{ {role} = '{target}' }} in the campaign says it where the file does not, or wrongly"
+        )
+        expected = f"{meant_unit(other or '', target)}; {instead}"
+        raise BadInput(title, other or "no unit", expected, file=str(cells.path), line=heading)
+    return (1.0, None, None) if factor is None else (factor, written, None)
 
 
 # -- rows, and what stands between and behind them ----------------------------------------------------
-#: Separators that no number has in it, so that cells beyond the header harm nothing.
-_SAFE = (";", "\t", "|")
 #: Words by which a line begins a cycle of one specimen, or another specimen.
 CYCLES = re.compile(
     r"\W*(cycle|zyklus|loop|segment|step|stage|ramp|hold|load|unload|phase|part)", re.IGNORECASE
@@ -208,9 +204,6 @@ CYCLES = re.compile(
 SPECIMENS = re.compile(r"\W*(specimen|sample|test|probe|run|repetition|replicate|curve|trial)", re.IGNORECASE)
 #: What can be done about lines that are no readings.
 _SKIP = "; lines that are no readings are passed over by how they begin, as in skip = ['Mean']"
-_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}[,.]\d{3}")
-#: Lines that are shown of those that are passed over.
-_MAX_LINES_SHOWN = 3
 
 
 class Row(NamedTuple):
@@ -236,25 +229,24 @@ def rows_of(
     while number < len(lines):
         line, number = lines[number], number + 1
         heads = layout.repeats(line)
+        cells = [] if heads or is_empty(line) else _cells(path, layout, line, number)
         if heads:
             body, below = units_row(lines, number - 1, layout.separator, layout.where)
             if below != layout.below:
-                wanted = "the units of the first heading in all of the file"
-                raise error_at_line(path, number + 1, "row", lines[number][:60], wanted)
+                expected = "the units of the first heading in all of the file"
+                raise BadInput("row", lines[number][:60], expected, file=str(path), line=number + 1)
             number = body
-        else:
-            row = Row([] if is_empty(line) else _cells(path, layout, line, number), number)
-            if not any(row.cells):
-                continue
-            if skip and line.strip().startswith(tuple(skip)):
-                passed.append(number)
-                continue
-            short = bool(words) and len(row.cells) < layout.needed
-            if short or layout.is_text(row.cells, rows[0].cells if rows else None):
-                words.append(row)
-                continue
-            last = " ".join(filter(None, words[-1].cells)) if words else ""
-            if words and not heading and not (CYCLES.match(last) or SPECIMENS.match(last)):
+        elif not any(cells):
+            continue
+        elif skip and line.strip().startswith(tuple(skip)):
+            passed.append(number)
+            continue
+        elif (words and len(cells) < layout.needed) or layout.is_text(cells, rows[0].cells if rows else None):
+            words.append(Row(cells, number))
+            continue
+        elif words and not heading:
+            last = " ".join(filter(None, words[-1].cells))
+            if not (CYCLES.match(last) or SPECIMENS.match(last)):
                 raise _no_reading(path, layout, lines, words[0])
         if heads or (words and not heading):
             title = _title(layout, lines[words[-1].line - 1]) if words else ""
@@ -266,85 +258,59 @@ def rows_of(
             words.clear()
         heading = heads
         if not heads:
-            if fault := _width(layout, row.cells):
-                raise error_at_line(path, row.line, "row", line.strip()[:60], fault)
-            rows.append(Row(row.cells, number, len(titles) - 1))
+            fault = _width(layout, cells)
+            require(not fault, "row", line.strip(), fault, path, number)
+            rows.append(Row(cells, number, len(titles) - 1))
     if not rows and words:
         raise _no_reading(path, layout, lines, words[0])
-    if not rows:
-        raise error_at_line(path, layout.body, "data", "no reading below the header", "readings")
-    titles = titles[: rows[-1].block + 1]
+    require(rows, "data", "no reading below the header", "readings", path, layout.body)
     passed = sorted(passed + [word.line for word in words])
-    if not passed:
-        return rows, titles, []
-    shown = ", ".join(f"line {at} '{lines[at - 1].strip()[:40]}'" for at in passed[:_MAX_LINES_SHOWN])
-    more = f" and {len(passed) - _MAX_LINES_SHOWN} more" if len(passed) > _MAX_LINES_SHOWN else ""
-    return rows, titles, [f"{path.name}: no readings, and passed over: {shown}{more}"]
+    listed = ", ".join(f"line {at} '{lines[at - 1].strip()[:40]}'" for at in passed[:3])
+    listed += f" and {len(passed) - 3} more" * (len(passed) > 3)
+    notes = [f"{path.name}: no readings, and passed over: {listed}"] if passed else []
+    return rows, titles[: rows[-1].block + 1], notes
 
 
 def _title(layout: Layout, line: str) -> str:
     """What a line of words above a block says, without signs around it."""
     words = split_line(line, layout.separator) if layout.separator else [line]
-    return " ".join(word for word in words if word).strip(" \t#%/[]()<>:*=-")
+    return " ".join(filter(None, words)).strip(" \t#%/[]()<>:*=-")
 
 
 def _cells(path: Path, layout: Layout, line: str, number: int) -> list[str]:
     try:
         cells = split_line(line, layout.separator)
     except csv.Error as error:
-        raise error_at_line(path, number, "row", line[:40], f"a row of cells ({error})") from error
+        expected = f"a row of cells ({error})"
+        raise BadInput("row", line[:40], expected, file=str(path), line=number) from error
     if len(layout.specimens) > 1 and layout.separator is not None and any(cells):
         cells += [""] * (layout.needed - len(cells))  # of specimens that have ended
     return cells
 
 
 def _width(layout: Layout, cells: list[str]) -> str:
-    """What is wrong with the number of cells in a row."""
+    """What is wrong with the number of cells in a row. Where no number has the separator in it, cells beyond
+    the header harm nothing."""
     need, width = layout.needed, len(layout.names)
-    if len(cells) >= need and not (any(cells[max(width, need) :]) and layout.separator not in _SAFE):
+    if len(cells) >= need and (layout.separator in (";", "\t", "|") or not any(cells[max(width, need) :])):
         return ""
-    wanted = f"{width} cells as in the header, not {len(cells)}"
     comma = layout.separator == "," and len(cells) > width
-    return wanted + ("; decimal commas need another separator, such as a semicolon" if comma else _SKIP)
+    cure = "; decimal commas need another separator, such as a semicolon" if comma else _SKIP
+    return f"{width} cells as in the header, not {len(cells)}{cure}"
 
 
 def _no_reading(path: Path, layout: Layout, lines: list[str], row: Row) -> BadInput:
-    if fault := _width(layout, row.cells):
-        return error_at_line(path, row.line, "row", lines[row.line - 1].strip()[:60], fault)
-    role = next(role for role in layout.where if role != LABEL)
-    cell = row.cells[layout.where[role][0]]
-    return error_at_line(path, row.line, layout.title(role), cell, "a number in every reading" + _SKIP)
-
-
-def decimal_comma(path: Path, layout: Layout, rows: list[Row]) -> bool:
-    """Whether numbers are written 1,5. Both 1,5 and 1.5 in one file, and 1,234 beside 987, are refused."""
-    first: dict[str, tuple[int, str]] = {}
-    wanted = "one decimal sign in all of the file, and no sign between thousands"
-    for at in layout.read:
-        column = [(row.line, row.cells[at]) for row in rows if ":" not in row.cells[at]]
-        signed = [(line, text) for line, text in column if "," in text or "." in text]
-        for sign in ",.":
-            here = next(((line, text) for line, text in signed if sign in text), None)
-            first |= {sign: min(first.get(sign, here), here)} if here else {}
-        # All have three digits behind the sign; all others are whole, below a thousand, and not only small.
-        if signed and all(_THOUSANDS.fullmatch(text) for _, text in signed):
-            whole = [len(text.lstrip("+-")) for _, text in column if text.lstrip("+-").isdigit()]
-            if max(whole, default=0) == 3:
-                raise error_at_line(path, signed[0][0], "number", signed[0][1], wanted)
-    if len(first) == 2:
-        line, text = max(first.values())
-        raise error_at_line(path, line, "number", text, wanted)
-    return "," in first
+    key, value, expected = "row", lines[row.line - 1].strip()[:60], _width(layout, row.cells)
+    if not expected:
+        at = layout.read[0]
+        key, value, expected = layout.title(at), row.cells[at], "a number in every reading" + _SKIP
+    return BadInput(key, value, expected, file=str(path), line=row.line)
 
 
 # -- parts of one test, and times that go on ----------------------------------------------------------
 CYCLE, SPECIMEN = "cycles", "specimens"
 #: What blocks below each other may be.
 BLOCKS = (CYCLE, SPECIMEN)
-#: A part that begins within so many steps of where the one before began has a clock of its own.
-_RESTART_STEPS = 2.0
-#: Travel between files that follow one another, as a part of the way, which is spoken of.
-_NOTED_GAP = 0.05
 
 
 def with_blocks_read(table: Table, blocks: str | None = None) -> Table:
@@ -359,55 +325,51 @@ def with_blocks_read(table: Table, blocks: str | None = None) -> Table:
     how, why = (blocks, "as blocks says") if blocks else _kind(table)
     note = f"{table.path.name} holds {count} blocks below each other, read as {how}, {why}"
     distinct = all(table.titles) and len(set(table.titles)) == count
+    unnamed = "block {}" if how == CYCLE else "{}"
+    names = table.titles if distinct else tuple(unnamed.format(k + 1) for k in range(count))
     if how == CYCLE:
-        names = table.titles if distinct else tuple(f"block {k + 1}" for k in range(count))
         return _continued(replace(table, titles=names, notes=(*table.notes, note)))
-    names = table.titles if distinct else tuple(str(k + 1) for k in range(count))
-    own = [names[block] for block in table.blocks]
-    if table.labels is not None:
-        own = [f"{a}/{b}" for a, b in zip(table.labels, own, strict=True)]
-    note += f": {', '.join(dict.fromkeys(own))}"
-    return replace(table, labels=tuple(own), titles=("",), notes=(*table.notes, note))
+    both = zip(table.labels, table.blocks, strict=True)
+    labels = [f"{label}/{names[k]}" if label else names[k] for label, k in both]
+    note += f": {', '.join(dict.fromkeys(labels))}"
+    return replace(table, labels=np.array(labels, dtype=object), titles=("",), notes=(*table.notes, note))
 
 
 def joined_files(tables: Sequence[Table]) -> Table:
     """Files that follow one another as one. Raises BadInput if only one has labels, or a clock."""
     first = tables[0]
-    for other in tables[1:]:
-        if (other.labels is None, other.clock) != (first.labels is None, first.clock):
-            expected = f"specimens and times as in {first.path.name}, which it follows"
-            raise BadInput(key="data", value=other.path.name, expected=expected)
+    notes = [note for table in tables for note in table.notes]
+    for before, table in pairwise(tables):
+        alike = (table.labelled, table.clock) == (first.labelled, first.clock)
+        expected = f"specimens and times as in {first.path.name}, which it follows"
+        require(alike, "data", table.path.name, expected)
+        x = before.columns.get("displacement", np.zeros(1))
+        gap = abs(table.columns.get("displacement", x)[0] - x[-1])
+        if gap > 0.05 * np.ptp(x):
+            notes.append(f"{table.path.name} begins {gap:.4g} mm from where {before.path.name} ends")
     if len(tables) == 1:
         return first
     whole = replace(
         first,
         columns={role: np.concatenate([t.columns[role] for t in tables]) for role in first.columns},
-        labels=None if first.labels is None else sum((t.labels or () for t in tables), ()),
-        lines=np.concatenate([t.lines for t in tables]),
-        files=sum((t.files for t in tables), ()),
-        blocks=np.repeat(np.arange(len(tables)), [t.lines.size for t in tables]),
-        titles=tuple(t.path.name for t in tables),
-        notes=sum((t.notes for t in tables), ()),
+        labels=np.concatenate([table.labels for table in tables]),
+        lines=np.concatenate([table.lines for table in tables]),
+        files=np.concatenate([table.files for table in tables]),
+        blocks=np.repeat(np.arange(len(tables)), [table.lines.size for table in tables]),
+        titles=tuple(table.path.name for table in tables),
+        notes=tuple(notes),
     )
-    apart = []
-    for a, b in pairwise(tables):
-        if "displacement" in first.columns:
-            x, begins = a.columns["displacement"], b.columns["displacement"][0]
-            if abs(begins - x[-1]) > _NOTED_GAP * np.ptp(x):
-                gap = f"{abs(begins - x[-1]):.4g} mm"
-                apart.append(f"{b.path.name} begins {gap} from where {a.path.name} ends")
-    return _continued(replace(whole, notes=(*whole.notes, *apart)))
+    return _continued(whole)
 
 
 def _kind(table: Table) -> tuple[str, str]:
     """What the blocks are, and why."""
-    if table.labels is not None and not table.specimens:
+    if table.labelled and not table.specimens:
         return CYCLE, "as a column names the specimens"
     for how, words in ((CYCLE, CYCLES), (SPECIMEN, SPECIMENS)):
         named = list(dict.fromkeys(title for title in table.titles if words.match(title)))
         if len(named) >= len(table.titles) - 1:
             return how, f"as '{named[-1]}' says"
-    second = np.searchsorted(table.blocks, 1)
     if "time" in table.columns and not table.specimens:
         parts = [table.columns["time"][table.blocks == k] for k in range(len(table.titles))]
         if all(b[0] >= a[-1] for a, b in pairwise(parts)):
@@ -415,50 +377,41 @@ def _kind(table: Table) -> tuple[str, str]:
         if all(b[0] < (a[0] + a[-1]) / 2 for a, b in pairwise(parts)):
             return SPECIMEN, "as their time begins anew"
     raise BadInput(
-        file=str(table.path), line=int(table.lines[second]), key="blocks", value="a heading once more",
-        expected="blocks = 'cycles' in the campaign, for parts of one specimen, or blocks = 'specimens'",
+        "blocks", "a heading once more",
+        "blocks = 'cycles' in the campaign, for parts of one specimen, or blocks = 'specimens'",
+        file=str(table.path), line=int(table.lines[np.searchsorted(table.blocks, 1)]),
     )  # fmt: skip
 
 
 def _continued(table: Table) -> Table:
     """The parts of each specimen as one, with times that go on, and notes on how they do.
 
-    A part whose time begins where that of the one before began has a clock of its own, and follows at its own
-    step; one that begins before the end of that is recorded twice up to there, and the later record counts.
+    A part whose time begins where that of the one before began, within two steps, has a clock of its own,
+    and follows at its own step; one that begins before the end of that is recorded twice up to there, and the
+    later record counts.
     """
-    labels = np.array(table.labels if table.labels is not None else [""] * table.lines.size)
-    each = [np.flatnonzero(labels == label) for label in dict.fromkeys(labels)]
-    columns, keep = dict(table.columns), np.ones(labels.size, dtype=bool)
+    each = [np.flatnonzero(table.labels == label) for label in table.names]
+    recorded = table.columns.get("time", np.zeros(0))
+    times, keep = recorded.copy(), np.ones(table.lines.size, dtype=bool)
     notes: dict[str, str] = {}
-    if "time" in columns:
-        recorded, columns["time"] = columns["time"], columns["time"].copy()
-        for mine in each:
-            parts = [mine[table.blocks[mine] == k] for k in range(len(table.titles))]
-            shift = 0.0
-            for before, part in pairwise([part for part in parts if part.size]):
-                begins, began, ended = recorded[part[0]], recorded[before[0]], recorded[before[-1]]
-                step = float(np.median(np.diff(recorded[part]))) if part.size > 1 else 1.0
-                if begins > ended:
-                    how = "goes on by the clock of"
-                elif begins < began + _RESTART_STEPS * step:
-                    shift += float(ended + step - begins)
-                    how = f"has a clock of its own, and follows {step:.4g} s after"
-                else:
-                    again = before[recorded[before] >= begins]
-                    keep[again] = False
-                    how = f"begins before the end; left out are {again.size} of the last readings of"
-                columns["time"][part] += shift
-                names = [table.titles[table.blocks[rows[0]]] for rows in (part, before)]
-                notes.setdefault(how, f"{names[0]} {how} {names[1]}")
+    for mine in each if recorded.size else ():
+        parts = [(mine[table.blocks[mine] == k], title) for k, title in enumerate(table.titles)]
+        shift = 0.0
+        for (before, last), (part, title) in pairwise([part for part in parts if part[0].size]):
+            begins, began, ended = recorded[part[0]], recorded[before[0]], recorded[before[-1]]
+            step = float(np.median(np.diff(recorded[part]))) if part.size > 1 else 1.0
+            if begins > ended:
+                how = "goes on by the clock of"
+            elif begins < began + 2 * step:
+                shift += float(ended + step - begins)
+                how = f"has a clock of its own, and follows {step:.4g} s after"
+            else:
+                again = before[recorded[before] >= begins]
+                keep[again] = False
+                how = f"begins before the end; left out are {again.size} of the last readings of"
+            times[part] += shift
+            notes.setdefault(how, f"{title} {how} {last}")
     rows = np.concatenate(each)
-    rows = rows[keep[rows]]
-    return replace(
-        table,
-        columns={role: values[rows] for role, values in columns.items()},
-        labels=None if table.labels is None else tuple(labels[rows].tolist()),
-        lines=table.lines[rows],
-        files=tuple(table.files[k] for k in rows),
-        blocks=table.blocks[rows],
-        titles=("",),
-        notes=(*table.notes, *notes.values()),
-    )
+    whole = table.having(time=times) if recorded.size else table
+    whole = replace(whole, titles=("",), notes=(*table.notes, *notes.values()))
+    return whole.rows(rows[keep[rows]])

@@ -22,7 +22,7 @@ from cutbench.calibration.estimation import best_places, estimate, estimate_by_e
 from cutbench.calibration.parameters import FreeParameter
 from cutbench.calibration.posterior import Estimated, Posterior
 from cutbench.calibration.settings import SETTINGS
-from cutbench.data.discrepancy import discrepancy_mean
+from cutbench.data.covariance import discrepancy_mean
 from cutbench.discovery.candidates import CAUSES, FIXED, Candidate, candidates, family_of
 from cutbench.discovery.held_out import TESTS, HeldOut, held_out
 from cutbench.discovery.score import Score, Scores, score

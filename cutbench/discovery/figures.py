@@ -15,7 +15,7 @@ from cutbench.calibration.figure import panels
 from cutbench.calibration.fitting import ComparedCurve
 from cutbench.calibration.posterior import Estimated
 from cutbench.data.experiment import Experiment
-from cutbench.data.measured import MeasuredCut
+from cutbench.data.measures import MeasuredCut
 from cutbench.discovery.search import Discovery
 
 BASE, MORE = "Baseline", "Extended model"

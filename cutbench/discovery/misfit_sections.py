@@ -10,7 +10,7 @@ import numpy as np
 from cutbench.calibration.fitting import ComparedCurve
 from cutbench.calibration.posterior import Estimated
 from cutbench.data.experiment import HOMOGENEOUS, Experiment
-from cutbench.data.measured import MeasuredCut
+from cutbench.data.measures import MeasuredCut
 
 #: A section is shown as wrong from so many standard deviations of its mean on.
 SIGNIFICANT_Z = 3.0

@@ -24,15 +24,21 @@ from scipy.linalg import block_diag, cho_factor, cho_solve, cholesky
 from cutbench.base.errors import ComputationFailed
 from cutbench.calibration.identifiability import information_inverse
 from cutbench.calibration.posterior import Estimated
-from cutbench.data.covariance import Block, Factors, matern, positive_definite
-from cutbench.data.discrepancy import LENGTH, SIZES
+from cutbench.data.covariance import (
+    DISCREPANCY_LENGTH,
+    RELATIVE_SIZES,
+    Block,
+    Factors,
+    matern,
+    positive_definite,
+)
 from cutbench.data.repetition import Averaged
 
 #: Draws; the part of them that an interval holds.
 DRAWS, LEVEL = 1000, 0.9
 #: Sizes of a discrepancy beforehand: none with this probability, else any up to this one.
 NONE, LARGEST = 0.25, 0.3
-DISCREPANCY_SIZES = SIZES[SIZES <= LARGEST]
+DISCREPANCY_SIZES = RELATIVE_SIZES[RELATIVE_SIZES <= LARGEST]
 PRIOR_OF_SIZES = np.append(
     NONE, np.full(DISCREPANCY_SIZES.size - 1, (1 - NONE) / (DISCREPANCY_SIZES.size - 1))
 )
@@ -142,7 +148,7 @@ def gather_evidence(before: Estimated, after: Estimated) -> Evidence | None:
 
 def _predicted_test(grid: Averaged, before, after, J, rest, kind: str, size: float) -> PredictedTest:
     course = grid.course
-    correlation = matern(np.abs(course[:, None] - course), LENGTH)
+    correlation = matern(np.abs(course[:, None] - course), DISCREPANCY_LENGTH)
     return PredictedTest(
         grid.mean, before, after, J, rest, correlation, grid.repetitions, kind, size, grid.independent
     )

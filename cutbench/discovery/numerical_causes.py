@@ -16,7 +16,7 @@ from cutbench.base.units import Parameter
 from cutbench.calibration.posterior import Estimated
 from cutbench.calibration.settings import SETTINGS
 from cutbench.case.case import Case
-from cutbench.data.discrepancy import with_discrepancy
+from cutbench.data.covariance import with_discrepancy
 from cutbench.discovery.candidates import Candidate
 from cutbench.discovery.comparison import ComparisonRound, squared_discrepancy
 from cutbench.discovery.score import Score, score

@@ -11,7 +11,7 @@ from cutbench.base.units import Parameter
 from cutbench.base.versions import versions
 from cutbench.calibration.posterior import Estimated
 from cutbench.calibration.settings import SETTINGS
-from cutbench.data.discrepancy import relative_discrepancy
+from cutbench.data.covariance import relative_discrepancy
 from cutbench.discovery.candidates import cause_of, family_of
 from cutbench.discovery.comparison import ComparedModel, ComparisonRound, FoundCause
 from cutbench.discovery.misfit_sections import Section

@@ -19,8 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import linalg, optimize, stats
 
-from cutbench.data.covariance import Covariance
-from cutbench.data.discrepancy import Discrepancies, with_discrepancy
+from cutbench.data.covariance import Covariance, Discrepancies, with_discrepancy
 from cutbench.discovery.screening import CandidateSensitivity, Sensitivities
 
 #: Draws without effect.

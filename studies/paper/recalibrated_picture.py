@@ -16,7 +16,7 @@ from matplotlib.axes import Axes
 from cutbench.base.figure_style import COLOURS, DOUBLE_MM, GREY, legend_below, new_figure, save, style
 from cutbench.case.case import Case, load_case
 from cutbench.data.campaign import load_campaign
-from cutbench.data.measured import MeasuredCut
+from cutbench.data.measures import MeasuredCut
 from cutbench.run.result import Result
 from cutbench.run.runner import run_case
 from cutbench.run.store.runs import Store

@@ -16,19 +16,15 @@ from pathlib import Path
 import numpy as np
 from scipy.special import log_ndtr
 
-from cutbench.base.errors import BadInput
 from cutbench.base.toml import among, in_short
 from cutbench.base.units import parse_quantity
+from cutbench.data.columns import require
 from cutbench.data.experiment import Experiment
-from cutbench.data.experiment_kinds import section_of
+from cutbench.data.experiment_section import section_of
 from cutbench.data.repetition import Averaged, Repetition
 from cutbench.data.table import read_table
 from cutbench.run.read_off import READ_OFF, ForceCurve
 
-#: How sharp the end of an interval is meant that is written without its own ±, as a part of it.
-SHARP = 0.05
-#: An interval that is narrower than this, in standard deviations, is a value.
-NARROW = 1e-3
 #: Fewest specimens whose scatter says how well their mean is known.
 SPECIMENS = 4
 _NUMBER = r"[-+]?[\d.]+(?:[eE][-+]?\d+)?"
@@ -60,30 +56,26 @@ class Measure:
         """Read what a person wrote. Raises BadInput."""
         key = key or f"measures.{name}"
         among(key, name, READ_OFF, value=in_short(raw))
-        unit = READ_OFF[name][0]
-        if not isinstance(raw, str):
-            raise BadInput(key=key, value=in_short(raw), expected=_WRITTEN)
-        text = " ".join(raw.replace("+-", "±").replace("+/-", "±").split())
+        text = " ".join(str(raw).replace("+-", "±").replace("+/-", "±").split())
         sign = next((s for s in (*_BELOW, *_ABOVE) if text.startswith(s)), "")
         text = text.removeprefix(sign).strip()
         match = re.fullmatch(rf"({_NUMBER})(?: ?(to|±) ?({_NUMBER}))?(?: ?± ?({_NUMBER}))?(.*)", text)
-        if match is None or (sign and match[2] == "to") or (match[2] == "±" and match[4]):
-            raise BadInput(key=key, value=raw, expected=_WRITTEN)
+        first, joint, second, last, unit = match.groups() if match else ("", "", "", "", "")
+        good = first and not (sign and joint == "to") and not (joint == "±" and last)
+        require(isinstance(raw, str) and good, key, raw, _WRITTEN)
 
         def number(part: str) -> float:
-            return parse_quantity(f"{part} {match[5]}".strip(), unit, key=key)
+            return parse_quantity(f"{part} {unit}".strip(), READ_OFF[name][0], key=key)
 
-        first = number(match[1])
-        second = number(match[3]) if match[2] == "to" else first
-        given = match[3] if match[2] == "±" else match[4]
-        sd = number(given) if given else SHARP * max(abs(first), abs(second))
-        alone = not sign and match[2] != "to"
-        if not sd > 0 or (alone and not given):
-            raise BadInput(key=key, value=raw, expected="its standard deviation, such as '4.2 ± 0.3 mm'")
-        if match[2] == "to" and not first < second:
-            raise BadInput(key=key, value=raw, expected="the smaller end first, such as '12 to 16 N'")
-        low, high = -math.inf if sign in _BELOW else first, math.inf if sign in _ABOVE else second
-        return cls(name, low, high, sd)
+        low, error = number(first), second if joint == "±" else last
+        high = number(second) if joint == "to" else low
+        # Without its own ± the end of an interval is meant so sharp, as a part of it.
+        sd = number(error) if error else 0.05 * max(abs(low), abs(high))
+        known = sd > 0 and (sign or joint == "to" or error)
+        require(known, key, raw, "its standard deviation, such as '4.2 ± 0.3 mm'")
+        ordered = joint != "to" or low < high
+        require(ordered, key, raw, "the smaller end first, such as '12 to 16 N'")
+        return cls(name, -math.inf if sign in _BELOW else low, math.inf if sign in _ABOVE else high, sd)
 
     @property
     def unit(self) -> str:
@@ -100,7 +92,7 @@ class Measure:
         """How far ``y`` is off, in standard deviations: minus half its square is the logarithm of the
         likelihood, 0 at its largest."""
         half = (self.high - self.low) / 2 / self.sd
-        if half < NARROW:
+        if half < 1e-3:  # so narrow, in standard deviations, it is a value
             return (y - self.value) / self.sd
         a, b = (y - self.low) / self.sd, (y - self.high) / self.sd
         if math.isfinite(half):
@@ -147,8 +139,7 @@ class MeasuredCut(Experiment):
         notes: tuple[str, ...] = (),
     ) -> MeasuredCut:
         """Make one; lengths in mm, speed in mm/s. Raises BadInput."""
-        if not measures:
-            raise BadInput(key="measures", value="none", expected=_WRITTEN)
+        require(measures, "measures", "none", _WRITTEN)
         number = np.arange(1.0, len(measures) + 1)
         readings = Repetition(number, np.array([m.value / m.sd for m in measures]))
         return cls(
@@ -167,10 +158,8 @@ class MeasuredCut(Experiment):
         return iter(())
 
     def _common_range(self) -> None:
-        if not (math.isfinite(self.depth_mm) and self.depth_mm > 0):
-            raise BadInput(
-                key="depth", value=f"{self.depth_mm:g} mm", expected="a depth above 0, such as '12 mm'"
-            )
+        good = math.isfinite(self.depth_mm) and self.depth_mm > 0
+        require(good, "depth", f"{self.depth_mm:g} mm", "a depth above 0, such as '12 mm'")
 
     def on_grid(self, n: int = 80) -> Averaged:
         """The measures, each by itself."""
@@ -180,50 +169,42 @@ class MeasuredCut(Experiment):
     def read_off(self, d: np.ndarray, force: np.ndarray) -> list[float]:
         """The measures, each in its unit, of a curve of travel (n,) in mm and force (n,) in N; nan of one
         that the curve does not have."""
-        there = d <= self.depth_mm * (1 + 1e-9)
-        curve = ForceCurve(d[there], force[there], self.blade["thickness"])
+        cut = d <= self.depth_mm * (1 + 1e-9)
+        curve = ForceCurve(d[cut], force[cut], self.blade["thickness"])
         return [READ_OFF[m.name][2](curve) for m in self.measures]
 
     def read(self, d: np.ndarray, force: np.ndarray) -> np.ndarray:
         """The same (m,) as readings; one that the curve does not have would come at its end."""
         last = [self.depth_mm if m.unit == "mm" else 0.0 for m in self.measures]
-        found = np.where(np.isnan(values := self.read_off(d, force)), last, values)
-        each = zip(self.measures, found, strict=True)
+        values = self.read_off(d, force)
+        each = zip(self.measures, np.where(np.isnan(values), last, values), strict=True)
         return np.array([m.value / m.sd + m.deviation(float(y)) for m, y in each])
 
 
-def read_measured(
+def read_measures(
     table: Mapping[str, object], folder: Path
 ) -> tuple[tuple[Measure, ...], float, tuple[str, ...]]:
     """The measures of an [[experiment]], the depth in mm, and notes. Raises BadInput."""
-    if "depth" not in table:
-        raise BadInput(
-            key="depth", value="(missing)", expected="how deep the blade went, as in depth = '12 mm'"
-        )
+    require("depth" in table, "depth", None, "how deep the blade went, as in depth = '12 mm'")
     depth = parse_quantity(table["depth"], "mm", key="depth")
-    listed = table["measures"]
+    listed, data = table["measures"], table.get("data")
     if not isinstance(listed, list):
-        written = section_of(table, "measures")
-        return tuple(Measure.of(name, raw) for name, raw in written.items()), depth, ()
-    if not isinstance(data := table.get("data"), str):
-        expected = "the table with a row a specimen, such as data = 'specimens.csv'"
-        raise BadInput(key="data", value=in_short(data), expected=expected)
+        section = section_of(table, "measures")
+        return tuple(Measure.of(name, raw) for name, raw in section.items()), depth, ()
+    expected = "the table with a row a specimen, such as data = 'specimens.csv'"
+    require(isinstance(data, str), "data", data, expected)
     for name in listed:
         among("measures", name, READ_OFF, value=in_short(listed))
-    titles = section_of(table, "columns")
+    file, titles = folder / str(data), section_of(table, "columns")
     columns = {str(name): titles.get(name, str(name)) for name in listed}
-    read = read_table(folder / data, columns, section_of(table, "units"))
+    read = read_table(file, columns, section_of(table, "units"))
     count = read.lines.size
-    if count < SPECIMENS:
-        expected = f"{SPECIMENS} rows or more, a specimen each, or measures with their ± in the campaign"
-        raise BadInput(key="data", value=f"{count} rows", file=str(folder / data), expected=expected)
+    expected = f"{SPECIMENS} rows or more, a specimen each, or measures with their ± in the campaign"
+    require(count >= SPECIMENS, "data", f"{count} rows", expected, file)
     # A mean whose scatter is estimated from few has Student's distribution, and this standard deviation.
-    wider, found = math.sqrt((count - 1) / (count - 3) / count), []
+    wider, measures = math.sqrt((count - 1) / (count - 3) / count), []
     for name, values in read.columns.items():
         mean, sd = float(values.mean()), wider * float(values.std(ddof=1))
-        if not sd > 0:
-            raise BadInput(
-                key=name, value="one value", file=str(folder / data), expected="values that scatter"
-            )
-        found.append(Measure(name, mean, mean, sd))
-    return tuple(found), depth, (f"means of {count} specimens", *read.notes)
+        require(sd > 0, name, "one value", "values that scatter", file)
+        measures.append(Measure(name, mean, mean, sd))
+    return tuple(measures), depth, (f"means of {count} specimens", *read.notes)
