@@ -21,7 +21,7 @@ STATEMENTS = {
     "solver": 1820,
     "models2d": 133,
     "models3d": 225,
-    "run": 3996,
+    "run": 4005,
     "emulator": 818,
     "maps": 3516,
     "data": 2909,
