@@ -29,7 +29,10 @@ ORDER = tuple(COLOURS[name] for name in ("black", "blue", "vermilion", "green", 
 
 def wires(axes: Axes, found: Mapping[object, Result]) -> None:
     """F/b over the diameter, a line a friction, and the rope's law at one diameter."""
-    for name, colour, text in (("no friction", "black", "μ = 0"), ("friction", "blue", "μ = 0.3")):
+    for name, colour, text in (
+        ("no friction", "black", "μ = 0"),
+        ("saturates", "blue", "μ = 0.3, saturates at G"),
+    ):
         axes.plot(
             WIRES_MM,
             [steady(found[name, d]) / G_C for d in WIRES_MM],
