@@ -14,22 +14,22 @@ PACKAGE = Path(cutbench.__file__).parent
 #: Statements of each room without docstrings. Who makes a room smaller writes its number here; one grows only
 #: where another shrinks by as much.
 STATEMENTS = {
-    "base": 1306,
+    "base": 1415,
     "mechanisms": 2358,
-    "case": 1567,
+    "case": 1489,
     "forms": 2822,
     "solver": 1820,
     "models2d": 133,
     "models3d": 225,
-    "run": 3996,
+    "run": 3983,
     "emulator": 818,
-    "maps": 3516,
-    "data": 3107,
+    "maps": 3368,
+    "data": 3035,
     "homogeneous": 462,
     "calibration": 1603,
     "discovery": 1618,
     "app": 1135,
-    "cli": 1167,
+    "cli": 1166,
     "top": 61,
 }
 

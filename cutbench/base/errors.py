@@ -39,6 +39,16 @@ class DoubtfulInput(UserWarning):
     """
 
 
+def in_short(raw: object) -> object:
+    """What a person wrote, in a message about its key: of a section its keys; nothing is missing."""
+    if raw is None:
+        return "(missing)"
+    sections = raw if isinstance(raw, list) else [raw]
+    if sections and isinstance(sections[0], dict) and sections[0]:
+        raw = f"{'sections' if sections is raw else 'a section'} with {', '.join(map(str, sections[0]))}"
+    return str(raw)[:60] if isinstance(raw, (list, tuple, dict)) else raw
+
+
 class BadInput(CutbenchError):
     """This error says that what a person wrote cannot be used, and names what would be right.
 
@@ -73,7 +83,7 @@ class BadInput(CutbenchError):
     def __init__(
         self, key: str, value: object, expected: str, *, file: str | None = None, line: int | None = None
     ):
-        self.file, self.key, self.value, self.expected, self.line = file, key, value, expected, line
+        self.file, self.key, self.value, self.expected, self.line = file, key, in_short(value), expected, line
         super().__init__(self.message())
 
     def message(self) -> str:
@@ -91,6 +101,12 @@ class BadInput(CutbenchError):
         if isinstance(self.value, str):
             shown = f"'{self.value if self.value.isprintable() else repr(self.value)[1:-1]}'"
         return f"{where}{self.key} = {shown} cannot be used; expected {self.expected}"
+
+
+def require(holds: object, key: str, value: object, expected: str) -> None:
+    """Raise BadInput unless what ``expected`` says ``holds``."""
+    if not holds:
+        raise BadInput(key, value, expected)
 
 
 class ComputationFailed(CutbenchError):

@@ -98,7 +98,7 @@ def _ranges() -> dict[str, tuple[float, float]]:
     """Lowest and highest value of each group in the shipped materials."""
     seen: dict[str, list[float]] = {}
     for name in materials.names():
-        table = read_toml(materials.find(name))[0]
+        table = read_toml(materials.find(name)).table
         model = Model(tuple(table["mechanisms"])) if "mechanisms" in table else Model()
         raw = {key: value for section in SECTIONS for key, value in table.get(section, {}).items()}
         groups = model.groups(model.namespace(resolve({}, raw, model)))

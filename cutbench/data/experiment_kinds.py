@@ -8,8 +8,8 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 
 import numpy as np
 
-from cutbench.base.errors import BadInput
-from cutbench.base.toml import among, in_short, nearest, one_of
+from cutbench.base.errors import BadInput, in_short
+from cutbench.base.toml import among, nearest, one_of
 from cutbench.base.units import parse_quantity, unit_factor
 from cutbench.data.experiment import HOMOGENEOUS, KINDS, area_of
 from cutbench.mechanisms import Tool, registry

@@ -18,7 +18,7 @@ from operator import attrgetter
 import numpy as np
 import skfem
 
-from cutbench.base.errors import BadInput
+from cutbench.base.errors import BadInput, require
 from cutbench.data.fields import Field
 from cutbench.run.result import SLOPE, Snapshot
 
@@ -214,20 +214,19 @@ def compare(field: Field, snapshot: Snapshot) -> Comparison:
     BadInput
         If no point lies in the body, or travels differ by more than a hundredth of the height.
     """
-    if _apart(snapshot, field.travel_mm):
-        expected = f"the travel of the run's fields, {snapshot.displacement_mm:g} mm"
-        raise BadInput(key="travel", value=f"{field.travel_mm:g} mm", expected=expected)
-    found = Comparison(field, sample(snapshot, field))
-    if not found.both.any():
+    expected = f"the travel of the run's fields, {snapshot.displacement_mm:g} mm"
+    require(not _apart(snapshot, field.travel_mm), "travel", f"{field.travel_mm:g} mm", expected)
+    comparison = Comparison(field, sample(snapshot, field))
+    if not comparison.both.any():
         body = snapshot.current if field.configuration == "deformed" else snapshot.points
         low, high = body.min(axis=0), body.max(axis=0)
-        there = f"x {field.x[0]:.4g} to {field.x[-1]:.4g} mm, y {field.y[0]:.4g} to {field.y[-1]:.4g} mm"
+        grid = f"x {field.x[0]:.4g} to {field.x[-1]:.4g} mm, y {field.y[0]:.4g} to {field.y[-1]:.4g} mm"
         expected = (
             f"points in the body, x up to {high[0]:.4g} mm from the blade's plane and y from"
             f" {low[1]:.4g} to {high[1]:.4g} mm; shift them, or check the unit"
         )
-        raise BadInput(key="x, y", value=there, expected=expected)
-    return found
+        raise BadInput("x, y", grid, expected)
+    return comparison
 
 
 #: Points looked up at once, against the bounding boxes of all elements.

@@ -16,8 +16,8 @@ from pathlib import Path
 import numpy as np
 from scipy.special import log_ndtr
 
-from cutbench.base.errors import BadInput
-from cutbench.base.toml import among, in_short
+from cutbench.base.errors import BadInput, in_short
+from cutbench.base.toml import among
 from cutbench.base.units import parse_quantity
 from cutbench.data.experiment import Experiment
 from cutbench.data.experiment_kinds import section_of

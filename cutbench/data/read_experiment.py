@@ -5,15 +5,15 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from glob import glob
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
-from cutbench.base.errors import BadInput
-from cutbench.base.toml import among, in_short, located, nearest, one_of, path_hint, written
+from cutbench.base.errors import BadInput, in_short
+from cutbench.base.toml import among, nearest, one_of, path_hint, written
 from cutbench.base.units import parse_quantity
 from cutbench.data.contact import contact_notes
 from cutbench.data.conversion import TAKEN_OFF, repetitions_of, titles_of
@@ -48,36 +48,6 @@ _KEYS_OF_MEASURES = (
 )  # fmt: skip
 #: Files of a folder that a message names.
 _MAX_FILES_SHOWN = 12
-
-
-@contextmanager
-def errors_at_experiment(file: Path, text: str, number: int) -> Iterator[None]:
-    """Errors inside without a file get this one and the line of their key in the ``number``-th experiment."""
-    with located(file, text, find=lambda key: _line(text, key, number)):
-        yield
-
-
-def _line(text: str, key: str, number: int) -> int | None:
-    """Line of ``key`` within the ``number``-th [[experiment]] (from 0); else of its opening."""
-    lines = text.splitlines()
-    heads = [i for i, line in enumerate(lines) if re.match(r"\s*\[\[\s*[\"']?experiment[\"']?\s*\]\]", line)]
-    if number >= len(heads):
-        return None
-    end = heads[number + 1] if number + 1 < len(heads) else len(lines)
-    section, _, name = key.partition(".")
-    section, name = (section, name.rpartition(".")[2]) if name else ("", section)
-
-    def first(word: str, begin: int, stop: int) -> int | None:
-        pattern = re.compile(rf"(^|[\s{{,.\[]){re.escape(word)}[\"']?\s*(=|\.|\])")
-        return next((i for i in range(begin, stop) if pattern.search(lines[i].split("#")[0])), None)
-
-    opened = first(section, heads[number] + 1, end) if section else heads[number]
-    if opened is None:
-        return heads[number] + 1
-    # A table in one line, or its own section up to the next.
-    stop = end if lines[opened].lstrip().startswith("[") else opened + 1
-    found = first(name, opened, stop)
-    return (opened if found is None else found) + 1
 
 
 def read_experiments(table: Mapping[str, object], folder: Path) -> list[Experiment]:
