@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from types import SimpleNamespace
 
 from cutbench.base.errors import BadInput, require
+from cutbench.base.sections import Entry, read_section
 from cutbench.base.toml import TomlFile, one_of
 from cutbench.case.mesh_sizes import chosen, under_tip
 from cutbench.case.model import PROTOCOL, SPECIMEN, Model, apply_groups, groups, owners, section_of, tools
@@ -56,28 +57,19 @@ def parameter_of(name: str) -> str:
     return known[name].parameter if name in known else name
 
 
-def instead(key: str) -> str | None:
-    """What to write where a mechanism is meant that has no such name."""
-    return next((law.meant[key] for law in registry().values() if key in law.meant), None)
-
-
-def unknown(key: str, raw: object, model: Model) -> BadInput:
-    """The error for a name that this model does not have: where it belongs, or which was meant."""
+def meant(key: str, model: Model) -> str:
+    """What would be right for a name that this model does not have: where it belongs, or the nearest."""
     target = parameter_of(key)
-    if text := instead(key):
-        expected = text
-    elif target == MODULUS and model.derives_modulus:
+    if text := next((law.meant[key] for law in registry().values() if key in law.meant), ""):
+        return text
+    if target == MODULUS and model.derives_modulus:
         laws = [law for law in model.laws("bulk") if not isinstance(law, Volumetric) and law.parameters]
         own = "; ".join(f"{', '.join(q.name for q in law.parameters)} of {law.name}" for law in laws)
-        expected = f"{own}: in this model {MODULUS} is the shear modulus at small strain that they come to"
-    elif target not in model.parameters() and (who := owners(target)):
-        expected = (
-            f"a parameter of this model ({', '.join(model.mechanisms)}); add the mechanism"
-            f" {' or '.join(who)} that has it"
-        )
-    else:
-        expected = one_of(key, [*settable(model), *KEYS])
-    return BadInput(key, raw, expected)
+        return f"{own}: in this model {MODULUS} is the shear modulus at small strain that they come to"
+    if target not in model.parameters() and (laws_ := " or ".join(owners(target))):
+        here = ", ".join(model.mechanisms)
+        return f"a parameter of this model ({here}); add the mechanism {laws_} that has it"
+    return one_of(key, [*settable(model), *KEYS])
 
 
 def parse_values(raw: Mapping[str, object], model: Model) -> tuple[dict[str, float], dict[str, float]]:
@@ -85,21 +77,19 @@ def parse_values(raw: Mapping[str, object], model: Model) -> tuple[dict[str, flo
 
     Two names that set the same parameter are refused.
     """
-    known, settable_groups = model.parameters(), model.settable_groups()
+    known, by_group = model.parameters(), model.settable_groups()
     values: dict[str, float] = {}
     asked: dict[str, float] = {}
     setter: dict[str, str] = {}
     for key, text in raw.items():
         if key in known:
-            values[key] = known[key].parse(text, key=key)
-        elif key in settable_groups:
-            asked[key] = settable_groups[key].quantity.parse(text, key=key)
+            target, values[key] = key, known[key].parse(text, key=key)
+        elif key in by_group:
+            target, asked[key] = by_group[key].parameter, by_group[key].quantity.parse(text, key=key)
         else:
-            raise unknown(key, text, model)
-        target = key if key in known else parameter_of(key)
+            raise BadInput(key, text, meant(key, model))
         other = setter.setdefault(target, key)
-        expected = f"either '{other}' or '{key}', not both: each sets {target}"
-        require(other == key, key, text, expected)
+        require(other == key, key, text, f"either '{other}' or '{key}', not both: each sets {target}")
     return values, asked
 
 
@@ -110,14 +100,13 @@ def section_changes(
     a key that is not in its own."""
     own = {key: section_of(key) for key in settable(model)} | dict.fromkeys(KEYS, "numerics")
     own |= {"motion": "protocol", "until": "protocol", "outline": "blade"}
+    right = {key: f"it in the section [{section}]" for key, section in own.items()}
+    changes: dict[str, object] = {}
     for section, part in sections.items():
+        entries = [Entry(key, object) for key, place in own.items() if place == section]
         with file.at(section):
-            for key, raw in part.items():
-                if key not in own:
-                    raise unknown(key, raw, model)
-                expected = f"it in the section [{own[key]}], not in [{section}]"
-                require(own[key] == section, key, raw, expected)
-    changes = {key: raw for part in sections.values() for key, raw in part.items()}
+            read_section(part, entries, instead=lambda key: right.get(key) or meant(key, model))
+        changes |= part
     return changes, {key: own[key] for key in changes}
 
 
@@ -182,7 +171,7 @@ def completed(values: Mapping[str, float], model: Model) -> dict[str, float]:
     known = model.parameters()
     for key in values:
         if key not in known:
-            raise unknown(key, values[key], model)
+            raise BadInput(key, values[key], meant(key, model))
     full: dict[str, float] = {}
     for name, q in known.items():
         if name in values:
