@@ -16,7 +16,7 @@ PACKAGE = Path(cutbench.__file__).parent
 STATEMENTS = {
     "base": 1415,
     "mechanisms": 2358,
-    "case": 1479,
+    "case": 1396,
     "forms": 2822,
     "solver": 1820,
     "models2d": 133,
