@@ -103,10 +103,12 @@ class BadInput(CutbenchError):
         return f"{where}{self.key} = {shown} cannot be used; expected {self.expected}"
 
 
-def require(holds: object, key: str, value: object, expected: str) -> None:
+def require(
+    holds: object, key: str, value: object, expected: str, *, file: str | None = None, line: int | None = None
+) -> None:
     """Raise BadInput unless what ``expected`` says ``holds``."""
     if not holds:
-        raise BadInput(key, value, expected)
+        raise BadInput(key, value, expected, file=file, line=line)
 
 
 class ComputationFailed(CutbenchError):

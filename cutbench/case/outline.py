@@ -32,8 +32,8 @@ def read_outline(raw: object, folder: Path | None = None) -> Points:
         raise BadInput("outline", raw, f"a CSV file that can be read ({error})") from error
     rows = [row for row in csv.reader(text.splitlines()) if row and not row[0].startswith("#")]
     head, *lines = rows or [[]]
-    if [name.strip() for name in head] != _COLUMNS:
-        raise BadInput("outline", ",".join(head), "x_mm,y_mm in the first line", file=str(path))
+    titled = [name.strip() for name in head] == _COLUMNS
+    require(titled, "outline", ",".join(head), "x_mm,y_mm in the first line", file=str(path))
     return tuple(_point(row, path) for row in lines)
 
 

@@ -18,7 +18,7 @@ from operator import attrgetter
 import numpy as np
 import skfem
 
-from cutbench.base.errors import BadInput, require
+from cutbench.base.errors import require
 from cutbench.data.fields import Field
 from cutbench.run.result import SLOPE, Snapshot
 
@@ -217,15 +217,14 @@ def compare(field: Field, snapshot: Snapshot) -> Comparison:
     expected = f"the travel of the run's fields, {snapshot.displacement_mm:g} mm"
     require(not _apart(snapshot, field.travel_mm), "travel", f"{field.travel_mm:g} mm", expected)
     comparison = Comparison(field, sample(snapshot, field))
-    if not comparison.both.any():
-        body = snapshot.current if field.configuration == "deformed" else snapshot.points
-        low, high = body.min(axis=0), body.max(axis=0)
-        grid = f"x {field.x[0]:.4g} to {field.x[-1]:.4g} mm, y {field.y[0]:.4g} to {field.y[-1]:.4g} mm"
-        expected = (
-            f"points in the body, x up to {high[0]:.4g} mm from the blade's plane and y from"
-            f" {low[1]:.4g} to {high[1]:.4g} mm; shift them, or check the unit"
-        )
-        raise BadInput("x, y", grid, expected)
+    body = snapshot.current if field.configuration == "deformed" else snapshot.points
+    low, high = body.min(axis=0), body.max(axis=0)
+    grid = f"x {field.x[0]:.4g} to {field.x[-1]:.4g} mm, y {field.y[0]:.4g} to {field.y[-1]:.4g} mm"
+    expected = (
+        f"points in the body, x up to {high[0]:.4g} mm from the blade's plane and y from"
+        f" {low[1]:.4g} to {high[1]:.4g} mm; shift them, or check the unit"
+    )
+    require(comparison.both.any(), "x, y", grid, expected)
     return comparison
 
 

@@ -185,16 +185,16 @@ def read_fields(
             lost = ~_SIGNS[rule[1]](data["valid"], rule[2])
         notes += _left_out(path, table.lines[lost], f"{rule[0]} is not {rule[1]} {rule[2]:g}")
     for role in ("x", "y", "travel"):
-        if role in data and (blank := ~np.isfinite(data[role]) & ~lost).any():
+        if role in data:
+            blank = ~np.isfinite(data[role]) & ~lost
             line, expected = table.lines[np.argmax(blank)], f"the {role} of every point; the cell is empty"
-            raise BadInput(role, "", expected, file=str(path), line=int(line))
+            require(not blank.any(), role, "", expected, file=str(path), line=int(line))
     if y_down:
         data |= {"y": -data["y"], "u_y": -data["u_y"]}
     travels = data["travel"] if "travel" in data else np.full(table.lines.size, travel_mm)
     placed = ~lost & np.isfinite(data["x"]) & np.isfinite(data["y"])
-    if not placed.any():
-        expected = "points that were found; 'none' takes all for found"
-        raise BadInput(file=str(path), key="valid", value=str(valid or rule), expected=expected)
+    expected = "points that were found; 'none' takes all for found"
+    require(placed.any(), "valid", str(valid or rule), expected, file=str(path))
     fields = []
     for travel in map(float, np.unique(travels[placed])):
         here = placed & (np.isnan(travels) if np.isnan(travel) else travels == travel)
@@ -276,10 +276,10 @@ def _gridded(path: Path, points: np.ndarray, u: np.ndarray, lines: np.ndarray):
     """The grid's axes and the displacements on it (2, ny, nx)."""
     (x, across), (y, up) = (_axis(values) for values in points)
     for name, axis in (("x", x), ("y", y)):
-        if axis.size < 3 or lines.size < _FILLED * x.size * y.size:
-            values = f"{axis.size} different values in {lines.size} points"
-            wanted = "points on a grid of rows and columns, 3 or more of each"
-            raise BadInput(name, values, wanted, file=str(path))
+        filled = axis.size >= 3 and lines.size >= _FILLED * x.size * y.size
+        values = f"{axis.size} different values in {lines.size} points"
+        wanted = "points on a grid of rows and columns, 3 or more of each"
+        require(filled, name, values, wanted, file=str(path))
     field = np.full((2, y.size, x.size), np.nan)
     seen: dict[tuple[int, int], int] = {}
     for k, (i, j) in enumerate(zip(up, across, strict=True)):

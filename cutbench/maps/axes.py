@@ -1,4 +1,7 @@
-"""The axes of a study: which quantity or switch, which values, and that no two set the same."""
+"""The axes of a study: which quantity or switch, which values, and that no two set the same.
+
+And where its runs lie on them: the order of a grid, and a Sobol sequence.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +13,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from scipy.stats import qmc
 
 from cutbench.base.errors import require
 from cutbench.base.sections import SOME, Entry, read_section
@@ -233,3 +237,34 @@ def values_on(axes: Sequence[Axis], case: Case) -> tuple[dict[str, float], list[
     """Where a case lies on each axis, by its name; and the names of those it has no value of."""
     values = {axis.name: value_on(axis, case) for axis in axes}
     return {n: v for n, v in values.items() if v is not None}, [n for n, v in values.items() if v is None]
+
+
+def coarse_to_fine(shape: tuple[int, ...]) -> tuple[int, ...]:
+    """Flat indices of a grid so that each is as far as can be from all before it, the middle first.
+
+    Distances are relative to the axes' lengths; ties go to the lower index, so the order is fixed.
+    """
+    index = np.stack(np.unravel_index(np.arange(math.prod(shape)), shape), axis=1).astype(float)
+    place = index / np.maximum(np.array(shape) - 1, 1)
+    order = [int(np.argmin(((place - 0.5) ** 2).sum(axis=1).round(9)))]
+    gap = np.full(len(place), np.inf)
+    for _ in range(len(place) - 1):
+        gap = np.minimum(gap, ((place - place[order[-1]]) ** 2).sum(axis=1).round(9))
+        gap[order[-1]] = -1.0  # taken
+        order.append(int(np.argmax(gap)))
+    return tuple(order)
+
+
+def sobol(axes: Sequence[Axis], points: int, seed: int) -> tuple[tuple[float, ...], ...]:
+    """``points`` places of a scrambled Sobol sequence (Sobol 1967; Owen 1998): more points keep those before.
+
+    An axis of levels has each of them about equally often.
+    """
+    rows = qmc.Sobol(len(axes), seed=seed).random_base2(math.ceil(math.log2(points)))[:points]
+    return tuple(
+        tuple(
+            axis.value(float(place)) if axis.continuous else axis.values[int(place * len(axis.values))]
+            for axis, place in zip(axes, row, strict=True)
+        )
+        for row in rows
+    )

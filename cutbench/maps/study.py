@@ -24,9 +24,18 @@ from cutbench.case.model import Model
 from cutbench.case.motion import TRANSITION
 from cutbench.case.physics import Physics
 from cutbench.case.values import check_driven, names, parameter_of, section_changes
-from cutbench.maps.axes import BOUNDARY, GRID, MODES, SAMPLE, Axis, read_axes, switched
+from cutbench.maps.axes import (
+    BOUNDARY,
+    GRID,
+    MODES,
+    SAMPLE,
+    Axis,
+    coarse_to_fine,
+    read_axes,
+    sobol,
+    switched,
+)
 from cutbench.maps.marked_materials import Mark, read_mark
-from cutbench.maps.sampling import coarse_to_fine, sobol
 from cutbench.maps.study_sections import (
     PLOT,
     REGIME,
