@@ -14,17 +14,17 @@ PACKAGE = Path(cutbench.__file__).parent
 #: Statements of each room without docstrings. Who makes a room smaller writes its number here; one grows only
 #: where another shrinks by as much.
 STATEMENTS = {
-    "base": 1415,
+    "base": 1416,
     "mechanisms": 2358,
-    "case": 1396,
+    "case": 1391,
     "forms": 2822,
     "solver": 1820,
     "models2d": 133,
     "models3d": 225,
     "run": 3983,
     "emulator": 818,
-    "maps": 3362,
-    "data": 3034,
+    "maps": 3359,
+    "data": 3032,
     "homogeneous": 462,
     "calibration": 1603,
     "discovery": 1618,

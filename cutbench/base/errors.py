@@ -83,7 +83,7 @@ class BadInput(CutbenchError):
     def __init__(
         self, key: str, value: object, expected: str, *, file: str | None = None, line: int | None = None
     ):
-        self.file, self.key, self.value, self.expected, self.line = file, key, in_short(value), expected, line
+        self.file, self.key, self.value, self.expected, self.line = file, key, value, expected, line
         super().__init__(self.message())
 
     def message(self) -> str:
@@ -97,9 +97,10 @@ class BadInput(CutbenchError):
         where = "" if self.file is None else f"{self.file}: "
         if self.line is not None:
             where = f"{self.file or '<input>'}, line {self.line}: "
-        shown = f"{self.value}"
-        if isinstance(self.value, str):
-            shown = f"'{self.value if self.value.isprintable() else repr(self.value)[1:-1]}'"
+        value = in_short(self.value)
+        shown = f"{value}"
+        if isinstance(value, str):
+            shown = f"'{value if value.isprintable() else repr(value)[1:-1]}'"
         return f"{where}{self.key} = {shown} cannot be used; expected {self.expected}"
 
 

@@ -122,8 +122,8 @@ class Case:
         object.__setattr__(self, "motion", checked_motion(self.motion, full["depth"], self.until))
 
     def __reduce__(self):
-        given = self._fields | {"values": dict(self.values)}  # a MappingProxyType has no pickle
-        return _unpickled, (folders_of(self.mechanisms), given), {"_asked": self.computation}
+        state = self._fields | {"values": dict(self.values)}  # a MappingProxyType has no pickle
+        return _unpickled, (folders_of(self.mechanisms), state), {"_asked": self.computation}
 
     def __hash__(self) -> int:
         return hash(self.id)
@@ -157,13 +157,13 @@ class Case:
         See ``cutbench.case.computation``. Raises ComputationFailed in a process that has other code than the
         one that sent the case.
         """
-        found = computation_of(self.model)
-        if (asked := vars(self).get("_asked", found)) != found:
+        own = computation_of(self.model)
+        if (asked := vars(self).get("_asked", own)) != own:
             raise ComputationFailed(
-                f"'{self.name}' is to be computed by computation {asked}, this process has {found}: install"
+                f"'{self.name}' is to be computed by computation {asked}, this process has {own}: install"
                 " one cutbench on all machines, and change no file of it while runs are computed"
             )
-        return found
+        return own
 
     @cached_property
     def id(self) -> str:
@@ -219,7 +219,7 @@ class Case:
     @property
     def cautions(self) -> tuple[str, ...]:
         """The doubts that are about elements, or about the section."""
-        return self._sheet + doubts(self.p, self.model.tool, self.numerics, self.sizes, self._finest_mm)
+        return (*self._sheet, *doubts(self.p, self.model.tool, self.numerics, self.sizes, self._finest_mm))
 
     @property
     def far(self) -> list[UntypicalGroup]:
@@ -392,9 +392,9 @@ def _changed(start: Mapping[str, Any], changes: Mapping[str, object]) -> dict[st
     }  # fmt: skip
 
 
-def _unpickled(folders: tuple[Path, ...], given: dict) -> Case:
+def _unpickled(folders: tuple[Path, ...], state: dict) -> Case:
     take_up(folders)  # another process does not know a user's own laws yet
-    return Case(**given)
+    return Case(**state)
 
 
 def load_case(
@@ -447,9 +447,9 @@ def case_of(source: object, changes: Mapping[str, object], *, dim: int | None = 
     for. Raises BadInput."""
     if isinstance(source, Case):
         return replace(source.set(**changes), dim=source.dim if dim is None else dim)
-    if not isinstance(source, (str, Path)):
-        raise BadInput("source", source, "a case, a material's name or a TOML file")
-    return load_case(source, changes, dim=dim or 2)
+    named: Any = source
+    require(isinstance(named, (str, Path)), "source", named, "a case, a material's name or a TOML file")
+    return load_case(named, changes, dim=dim or 2)
 
 
 def warn_of_doubts(case: Case, stacklevel: int) -> None:

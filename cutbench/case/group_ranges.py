@@ -55,7 +55,7 @@ def untypical_groups(model: Model, values: Mapping[str, float]) -> list[Untypica
     shipped material has, and small ones that switching a mechanism off makes nought: less of it is nearer to
     nothing, which is always of interest.
     """
-    found, ranges, known = [], _ranges(), model.parameters()
+    far, ranges, known = [], _ranges(), model.parameters()
 
     def moved(group: str, name: str, to: float) -> float:
         return model.groups(model.namespace({**values, name: to}))[group]
@@ -74,8 +74,8 @@ def untypical_groups(model: Model, values: Mapping[str, float]) -> list[Untypica
             for name, off in offs.items()
         )
         if parts and not small:
-            found.append(UntypicalGroup(group, value, low, high, tuple(parts), _rates(model, parts)))
-    return found
+            far.append(UntypicalGroup(group, value, low, high, tuple(parts), _rates(model, parts)))
+    return far
 
 
 def _rates(model: Model, parts: list[str]) -> str:

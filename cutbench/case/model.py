@@ -178,15 +178,15 @@ class Model:
         BadInput
             For a name that no mechanism has.
         """
-        kept = list(self.mechanisms)
+        names_ = list(self.mechanisms)
         for name in names:
             new = mechanism(name, key="with")
-            kept = [
-                old for old in kept
+            names_ = [
+                old for old in names_
                 if new.role is None or (registry()[old].slot, registry()[old].role) != (new.slot, new.role)
             ]  # fmt: skip
-            kept.append(name)
-        return Model(tuple(kept))
+            names_.append(name)
+        return Model(tuple(names_))
 
     def extended(self, *names: str) -> tuple[Model, dict[str, float]]:
         """Return the model with mechanisms added where they have no effect, and the values which that takes.
@@ -284,23 +284,22 @@ class Model:
         ValueError
             If two mechanisms declare a parameter differently, or one reads a parameter that none declares.
         """
-        found: dict[str, Parameter] = {}
+        declared: dict[str, Parameter] = {}
         for m in self.all:
             for q in m.parameters:
-                if found.setdefault(q.name, q) != q:
+                if declared.setdefault(q.name, q) != q:
                     raise ValueError(
                         f"{m.name} declares {q.name} otherwise than another mechanism of the model"
                     )
-        found |= {q.name: q for q in SPECIMEN + PROTOCOL}
+        declared |= {q.name: q for q in SPECIMEN + PROTOCOL}
         for m in self.all:
             for name in m.reads:
-                if name in found or name == MODULUS:
-                    continue
-                declared = [q for o in registry().values() for q in o.parameters if q.name == name]
-                if not declared:
-                    raise ValueError(f"{m.name} reads {name}, which no mechanism declares")
-                found[name] = declared[0]
-        return found
+                if name not in declared and name != MODULUS:
+                    owned = (q for law in registry().values() for q in law.parameters if q.name == name)
+                    if (first := next(owned, None)) is None:
+                        raise ValueError(f"{m.name} reads {name}, which no mechanism declares")
+                    declared[name] = first
+        return declared
 
     @cached_property
     def derives_modulus(self) -> bool:

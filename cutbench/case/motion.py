@@ -119,7 +119,7 @@ def _number(raw: object, unit: str) -> float:
 def corners(s: np.ndarray, y: np.ndarray, limit: float) -> list[int]:
     """Where between its ends the line through (s, y), (n,) each, bends: what is left out lies within
     ``limit`` of straight lines (Ramer, Douglas and Peucker)."""
-    kept, open_ = [], [(0, s.size - 1)]
+    bends, open_ = [], [(0, s.size - 1)]
     while open_:
         a, b = open_.pop()
         if b - a < 2:
@@ -127,9 +127,9 @@ def corners(s: np.ndarray, y: np.ndarray, limit: float) -> list[int]:
         off = np.abs(y[a : b + 1] - np.interp(s[a : b + 1], s[[a, b]], y[[a, b]]))
         k = a + int(off.argmax())
         if off[k - a] > limit:
-            kept.append(k)
+            bends.append(k)
             open_ += [(a, k), (k, b)]
-    return sorted(kept)
+    return sorted(bends)
 
 
 def simplified(motion: Polyline, part: float = 0.005) -> Polyline:

@@ -198,14 +198,7 @@ class Numerics:
             Values by name, floats as text of 14 digits.
         """
 
-        def shown(value: object) -> object:
-            if isinstance(value, dict):
-                return {k: shown(v) for k, v in value.items()}
-            if isinstance(value, tuple):
-                return [shown(v) for v in value]
-            return f"{value:.14g}" if isinstance(value, float) else value
-
-        return {k: shown(v) for k, v in asdict(self).items()}
+        return asdict(self, dict_factory=lambda pairs: {name: _digits(value) for name, value in pairs})
 
     def written(self) -> dict[str, Any]:
         """Write the choices as ``set`` takes them, without the tuning.
@@ -491,6 +484,12 @@ _FIELDS = {f.name: f for f in fields(Numerics) if f.name != "tuning"}
 KEYS = (*_FIELDS, *ALIASES)
 #: Lengths and stiffnesses.
 _SCALED = {name: f for name, f in _FIELDS.items() if f.metadata.get("unit")}
+
+
+def _digits(value: object) -> object:
+    if isinstance(value, tuple):
+        return [_digits(each) for each in value]
+    return f"{value:.14g}" if isinstance(value, float) else value
 
 
 def _read(name: str, key: str, raw: object) -> object:

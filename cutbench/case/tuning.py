@@ -291,6 +291,6 @@ class Tuning:
         """From what ``dataclasses.asdict`` made of one, and JSON of that."""
         parts = {}
         for name, part in vars(cls()).items():
-            given = {k: tuple(v) if isinstance(v, list) else v for k, v in data[name].items()}
-            parts[name] = replace(part, **given)
+            numbers = {k: tuple(v) if isinstance(v, list) else v for k, v in data[name].items()}
+            parts[name] = replace(part, **numbers)
         return cls(**parts)

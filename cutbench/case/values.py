@@ -325,32 +325,30 @@ def _misshapen(tool: Tool, p: SimpleNamespace, numerics: Numerics) -> Iterator[t
 
 def doubts(
     p: SimpleNamespace, tool: Tool | None, numerics: Numerics, sizes: Sizes, wanted: float
-) -> tuple[str, ...]:
+) -> Iterator[str]:
     """What can be computed, but says more of the elements or the contact than of the cut; sentences for a
     person. ``wanted``: the finest length that the cut asks for, mm."""
     if tool is None or numerics.normal != "tool" or numerics.mesh is not None:
-        return ()
+        return
     thickness, radius = p.thickness, tool.edge_radius(p)
     h = sizes.h_mm
     shallow = h * chosen(numerics.shallow, h, thickness, numerics.tuning.mesh.shallow)
     under = min(under_tip(numerics, thickness, radius), shallow)
-    found = []
     if under > radius * (1 + 1e-12):
-        found.append(
+        yield (
             f"elements under the tip ({under:.3g} mm) are larger than it is round ({radius:.3g} mm):"
             " along the tool's normal it pushes them down and cuts too late;"
             f" corner = {_below(radius / h):g} or normal = 'material' would do"
         )
     if sizes.penalty_per_mm * radius < STIFF_AT_EDGE / 2:
-        found.append(
+        yield (
             f"the contact (penalty = {sizes.penalty_per_mm * sizes.detail_mm:g}) gives way by much of the"
             f" edge's radius ({radius:.3g} mm), as if that were sharper: the cut begins too early;"
             f" penalty = {STIFF_AT_EDGE * sizes.detail_mm / radius:.0f} would do"
         )
     if sizes.detail_mm > COARSE_DETAIL * wanted:
-        found.append(
+        yield (
             f"elements at the front are made for details of {sizes.detail_mm:.3g} mm, and the edge or the"
             f" cohesive zone asks for {wanted:.3g} mm: the front may jump from element to element;"
             f" detail = '{_below(wanted):g} mm' would do, at a price"
         )
-    return tuple(found)

@@ -278,11 +278,7 @@ def measured_motion(experiment: Experiment) -> Polyline:
     travel = np.clip(grid.x, 0.0, experiment.reach)
     first = lead_s(experiment)
     points = [(first + float(t), float(d)) for t, d in zip(grid.time_s - grid.time_s[0], travel, strict=True)]
-    if first == 0:
-        points[0] = (0.0, 0.0)
-    else:
-        points.insert(0, (0.0, 0.0))
-    return simplified(tuple(points))
+    return simplified(((0.0, 0.0), *(points if first else points[1:])))
 
 
 def lead_s(experiment: Experiment) -> float:
@@ -294,10 +290,10 @@ def lead_s(experiment: Experiment) -> float:
 def _sizes(experiment: Experiment) -> dict[str, str]:
     """Specimen, blade and depth of a cut as ``Case.set`` takes them."""
     sizes = {**experiment.specimen, **experiment.blade, "depth": experiment.reach}
-    units = {name: blade_units().get(name, "mm") for name in sizes}
+    units = dict.fromkeys(sizes, "mm") | blade_units()
     return {
-        name: f"{float(value) / unit_factor(unit)!r} {unit}".removesuffix(" 1")
-        for (name, value), unit in zip(sizes.items(), units.values(), strict=True)
+        name: f"{float(value) / unit_factor(units[name])!r} {units[name]}".removesuffix(" 1")
+        for name, value in sizes.items()
     }
 
 
@@ -347,18 +343,17 @@ def start_case(
         baseline = ("default",) if own is None else tuple(m.name for m in own.model.all if m.slot in seen)
     listed = (baseline,) if isinstance(baseline, str) else tuple(baseline)
     if len(listed) == 1 and listed[0] in SETS:
-        model = Model(tuple(m for m in SETS[listed[0]] if registry()[m].slot in seen))
-    else:
-        for each in listed:
-            mechanism(each, key="baseline")
-        try:
-            model = Model(listed)
-        except BadInput as error:
-            raise BadInput("baseline", error.value, error.expected) from error
-        if not any(isinstance(m, Volumetric) for m in model.laws("bulk")):
-            added = next(n for n in SETS["default"] if isinstance(registry()[n], Volumetric))
-            model = model.with_(added)
-            notes += (f"'{added}' added to the baseline: it has no law for volume change",)
+        listed = tuple(m for m in SETS[listed[0]] if registry()[m].slot in seen)
+    for each in listed:
+        mechanism(each, key="baseline")
+    try:
+        model = Model(listed)
+    except BadInput as error:
+        raise BadInput("baseline", error.value, error.expected) from error
+    if not any(isinstance(m, Volumetric) for m in model.laws("bulk")):
+        added = next(n for n in SETS["default"] if isinstance(registry()[n], Volumetric))
+        model = model.with_(added)
+        notes += (f"'{added}' added to the baseline: it has no law for volume change",)
     if own is not None and material is not None:
         case = load_case(material, {"mechanisms": model.mechanisms, **(parameters or {})})
         if unused := own.values.keys() & blade_units().keys() - case.values.keys() if "blade" in seen else ():

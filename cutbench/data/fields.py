@@ -313,7 +313,8 @@ def read_fields_of(table: object, folder: Path) -> tuple[tuple[Field, ...], floa
 
     Raises BadInput; where the fault is in the data file, the error names that file and its line.
     """
-    part = read_section(table, _SECTION, "fields.")
+    wanted = "a table, such as fields = { data = 'dic.csv', noise = '0.01 mm' }"
+    part = read_section(Entry("fields", dict, wanted).read(table), _SECTION, "fields.")
     file = folder / part["data"]
     require(file.is_file(), "fields.data", part["data"], f"a file that exists in {folder}, such as 'dic.csv'")
     fields = read_fields(

@@ -235,16 +235,16 @@ def case_at(
             model = model.with_(name)
         elif name in model.mechanisms:
             model = model.without(name)
-    kept = dict(changes)
+    mine = dict(changes)
     if switches:
-        kept["mechanisms"] = model.mechanisms
+        mine["mechanisms"] = model.mechanisms
         here, elsewhere = model.parameters(), start.model.with_(*switches).parameters()
         for key in changes:
             sets = parameter_of(key)
             if sets in elsewhere and sets not in here:
-                del kept[key]
+                del mine[key]
     own = {a.name: a.text(v) for a, v in zip(axes, values, strict=True) if not a.mechanism}
-    return start.set(**kept, **own)
+    return start.set(**mine, **own)
 
 
 def load_study(path: str | Path) -> Study:
@@ -342,5 +342,5 @@ def _base(file: TomlFile, top: Mapping[str, Any]) -> Case:
     for axis in top["axis"]:
         ends = axis.get("values", [axis.get("from")])
         asked[str(axis.get("name"))] = ends[0] if isinstance(ends, list) and ends else None
-    given = {key: raw for key, raw in asked.items() if key in needed and raw is not None}
-    return case.set(mechanisms=top["mechanisms"], **given)
+    values = {key: raw for key, raw in asked.items() if key in needed and raw is not None}
+    return case.set(mechanisms=top["mechanisms"], **values)
