@@ -402,9 +402,6 @@ def load_campaign(path: str | Path) -> Campaign:
     file = read_toml(path, "experiment")
     with file.at():
         top = read_section(file.table, _FILE)
-        from_nothing = top["material"] is None and not top["parameters"]
-        wanted = "a known name or a file with start values, or a section [parameters]"
-        require(not from_nothing, "material", "(missing)", wanted)
     places: dict[str, int] = {}
     experiments: list[Experiment] = []
     for number, part in enumerate(top["experiment"]):
@@ -454,12 +451,14 @@ def _start(
 ) -> tuple[Case, tuple[str, ...], str | Path | None]:
     """The start case, each of whose faults is placed where it is written, notes, and the material's name or
     file; ``sizes`` are those of a cut."""
+    wanted = "a known name or a file with start values, or a section [parameters]"
+    with file.at():
+        require(top["material"] or top["parameters"], "material", "(missing)", wanted)
     for key, raw in top["parameters"].items():
         with file.at("parameters"):
             require(key not in KEYS, key, raw, "it in [numerics], not in [parameters]")
-    for key, raw in top["numerics"].items():
-        with file.at("numerics"):
-            among(key, key, KEYS, value=raw)
+    with file.at("numerics"):
+        read_section(top["numerics"], [Entry(key, object) for key in KEYS])
     source = top["material"] and file.beside(top["material"])
     parameters, name = top["parameters"], file.path.stem
     with file.at("parameters"):

@@ -24,7 +24,10 @@ from cutbench.case.model import Model, groups
 from cutbench.case.values import parameter_of, settable
 from cutbench.mechanisms import registry
 
-_KEYS = ("name", "mechanism", "from", "to", "points", "scale", "values", "tolerance")
+_AXIS = tuple(
+    Entry(key, object)
+    for key in ("name", "mechanism", "from", "to", "points", "scale", "values", "tolerance")
+)
 _NAME, _SCALE = Entry("name"), Entry("scale", default="linear", choices=("linear", "log"))
 _SPACED = "from, to and points, or values"
 _SOUGHT = "it only where mode = 'boundary', on an axis with from and to"
@@ -108,8 +111,7 @@ def read_axes(
     seek = sum("values" not in section and "mechanism" not in section for section in sections)
     for n, section in enumerate(sections):
         with file.at("axis", n, f"axis {n + 1}: "):
-            for key in section:
-                among(key, key, _KEYS, value=section[key])
+            read_section(section, _AXIS)  # what no axis has is refused, whatever its kind
             axis = _axis(section, model, mode, TOLERANCE.get(seek, TOLERANCE[3]))
             _refuse_set_twice(axis, axes, changes)
             axes.append(axis)
