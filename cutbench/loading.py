@@ -86,7 +86,7 @@ def load(path: str | os.PathLike[str]) -> Result | Map | Record | Case | Study |
     elif given.name in _RECORDS and given.is_file():
         return _record(given)
     elif given.suffix == ".toml":
-        table, _ = read_toml(given)
+        table = read_toml(given).table
         readers: dict[str, Any] = {"experiment": load_campaign, "axis": load_study}
         return next((read for key, read in readers.items() if key in table), load_case)(given)
     elif str(path) in known_materials():

@@ -125,7 +125,7 @@ FILES = {
     "wrong unit": (changed('"0.07 mm"', '"0.07 s"'), 5, "delta_c", "0.07 s", "1 mm"),
     "list for a number": (changed('"7.5 kPa"', '["7.5 kPa", "8 kPa"]'), 2, "G", "8 kPa", "1 kPa"),
     "truth for a number": (changed("nu = 0.49", "nu = true"), 3, "nu", "True", "without unit"),
-    "table for a number": (changed("nu = 0.49", "nu = {a = 1}"), 3, "nu", "{'a': 1}", "without unit"),
+    "table for a number": (changed("nu = 0.49", "nu = {a = 1}"), 3, "nu", "a section with a", "without unit"),
     "inf": (changed("nu = 0.49", "nu = inf"), 3, "nu", "inf", "nu < 0.5"),
     "negative": (changed('"30 mm"', '"-30 mm"'), 10, "width", "-30 mm", "0 mm < width"),
     "wrong section": (changed("[specimen]", "[blade]"), 10, "width", "30 mm", "[specimen]"),

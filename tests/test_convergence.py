@@ -67,7 +67,7 @@ def test_a_change_may_be_for_some_materials_only(study):
         {"", "h/2", "the material's normal"},
     ]
     study.write_text(STUDY + 'materials = ["steel"]\n', encoding="utf-8")
-    with refused("the material's normal: materials"):
+    with refused("change 2: materials", value="steel", hint="gelatin"):
         load_plan(study)
 
 

@@ -43,11 +43,11 @@ def test_runs_of_an_experiment_are_different(results):
 
 
 def test_findings_are_judged_by_what_runs_say(results):
-    rows = {what: (value, kind) for _, what, _, value, kind in judged(results)}
-    assert rows["F/(b G_c) without friction at no diameter"] == ("1", "verified")
-    assert rows["force of onset: exponent over the radius"][1] == "missed"
-    assert float(rows["depth of onset: exponent over the edge's radius"][0]) == pytest.approx(1)
-    assert {kind for _, kind in rows.values()} == {"verified", "predicted", "missed", "open"}
+    found = {(title, what): (float(value), kind) for title, what, _, value, kind in judged(results)}
+    of = {e.folder: [found[e.title, each.what] for each in e.findings] for e in EXPERIMENTS}
+    assert of["gelatin-wires"][0] == (1, "verified")
+    assert of["blade-edges"] == [(pytest.approx(1), "predicted"), (pytest.approx(0), "missed")]
+    assert {kind for _, kind in found.values()} == {"verified", "predicted", "missed", "open"}
     assert len(record(results)) == len(results)
 
 

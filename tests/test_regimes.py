@@ -168,7 +168,7 @@ def test_what_is_no_yes_or_no_is_refused(tmp_path):
     path.write_text(STUDY.replace("rest = true", 'rest = "slow"'))
     with pytest.raises(BadInput) as caught:
         load_study(path)
-    assert caught.value.key == "rest" and caught.value.line
+    assert caught.value.key == "regime.rest" and caught.value.line
 
 
 def panels(V, factor=0.4, power=1.5):

@@ -14,22 +14,22 @@ PACKAGE = Path(cutbench.__file__).parent
 #: Statements of each room without docstrings. Who makes a room smaller writes its number here; one grows only
 #: where another shrinks by as much.
 STATEMENTS = {
-    "base": 1306,
+    "base": 1416,
     "mechanisms": 2427,
-    "case": 1567,
+    "case": 1391,
     "forms": 2822,
     "solver": 1820,
     "models2d": 133,
     "models3d": 225,
-    "run": 4005,
+    "run": 3992,
     "emulator": 818,
-    "maps": 3516,
-    "data": 2909,
+    "maps": 3358,
+    "data": 2828,
     "homogeneous": 462,
     "calibration": 1602,
     "discovery": 1616,
     "app": 1135,
-    "cli": 1167,
+    "cli": 1166,
     "top": 61,
 }
 

@@ -39,6 +39,16 @@ class DoubtfulInput(UserWarning):
     """
 
 
+def in_short(raw: object) -> object:
+    """What a person wrote, in a message about its key: of a section its keys; nothing is missing."""
+    if raw is None:
+        return "(missing)"
+    sections = raw if isinstance(raw, list) else [raw]
+    if sections and isinstance(sections[0], dict) and sections[0]:
+        raw = f"{'sections' if sections is raw else 'a section'} with {', '.join(map(str, sections[0]))}"
+    return str(raw)[:60] if isinstance(raw, (list, tuple, dict)) else raw
+
+
 class BadInput(CutbenchError):
     """This error says that what a person wrote cannot be used, and names what would be right.
 
@@ -87,10 +97,19 @@ class BadInput(CutbenchError):
         where = "" if self.file is None else f"{self.file}: "
         if self.line is not None:
             where = f"{self.file or '<input>'}, line {self.line}: "
-        shown = f"{self.value}"
-        if isinstance(self.value, str):
-            shown = f"'{self.value if self.value.isprintable() else repr(self.value)[1:-1]}'"
+        value = in_short(self.value)
+        shown = f"{value}"
+        if isinstance(value, str):
+            shown = f"'{value if value.isprintable() else repr(value)[1:-1]}'"
         return f"{where}{self.key} = {shown} cannot be used; expected {self.expected}"
+
+
+def require(
+    holds: object, key: str, value: object, expected: str, file: object = None, line: int | None = None
+) -> None:
+    """Raise BadInput unless what ``expected`` says ``holds``."""
+    if not holds:
+        raise BadInput(key, value, expected, file=None if file is None else str(file), line=line)
 
 
 class ComputationFailed(CutbenchError):

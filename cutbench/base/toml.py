@@ -5,9 +5,11 @@ from __future__ import annotations
 import difflib
 import re
 import tomllib
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from cutbench.base.errors import BadInput
 
@@ -15,6 +17,9 @@ from cutbench.base.errors import BadInput
 MANY, NEAREST = 20, 5
 #: How a path of Windows is written.
 BACKSLASHES = "a path stands in single quotes, as in 'C:\\data\\gel.csv', or has / for each \\"
+#: What opens a section, and what a line begins with that is no continuation of the one before.
+_HEAD = re.compile(r"\s*\[\[?\s*([^\]]+?)\s*\]")
+_STATEMENT = re.compile(r"\s*([\w\"'.-]+\s*=|\[)")
 
 
 def path_hint(name: str) -> str:
@@ -22,28 +27,62 @@ def path_hint(name: str) -> str:
     return "" if name.isprintable() else f"; {BACKSLASHES}"
 
 
-def read_toml(path: str | Path) -> tuple[dict, str]:
-    """Read a TOML file into a dictionary, and keep its text for messages that name lines.
+@dataclass(frozen=True)
+class TomlFile:
+    """A file as it was read: its table, and its text, in which errors are placed."""
+
+    path: Path
+    table: dict[str, Any]
+    text: str
+
+    @contextmanager
+    def at(
+        self, section: str | Mapping[str, str] = "", number: int | None = None, name: str = ""
+    ) -> Iterator[None]:
+        """Errors raised inside without a file get this one, and the line of their key where it is written.
+
+        That is in ``section``, or the one that it has for the key; of several of this name in the one with
+        this ``number``, from 0. ``name`` stands before the key in the message.
+        """
+        try:
+            yield
+        except BadInput as error:
+            if error.file is not None:
+                raise
+            place = section if isinstance(section, str) else section.get(error.key, "")
+            line = line_of(self.text, error.key, place, number)
+            key, file = name + error.key, str(self.path)
+            raise BadInput(key, error.value, error.expected, file=file, line=line) from error
+
+    def beside(self, source: str) -> Path | str:
+        """The file ``source`` as seen from this one, or where there is none the name as it is."""
+        near = self.path.parent / source
+        return near if near.is_file() else source
+
+
+def read_toml(path: str | Path, wanted: str = "") -> TomlFile:
+    """Read a TOML file, and keep its text for messages that name lines.
 
     Parameters
     ----------
     path : str or Path
         The file, saved as UTF-8.
+    wanted : str
+        What it has to be, by the section that only such a file has: ``experiment``, ``axis``, ``change``, or
+        ``case``; anything unless given.
 
     Returns
     -------
-    dict
-        The table in the file.
-    str
-        Its text.
+    TomlFile
+        The table in the file, and its text.
 
     Raises
     ------
     BadInput
-        If there is no such file, it cannot be read, or it is not TOML; with the line where that is known.
+        If there is no such file, it cannot be read, it is not TOML, or another than is wanted; with the line
+        where that is known.
     """
-    path = Path(path)
-    name = str(path)
+    path, name = Path(path), str(path)
     try:
         text = path.read_bytes().decode("utf-8-sig")
     except FileNotFoundError as error:
@@ -56,18 +95,36 @@ def read_toml(path: str | Path) -> tuple[dict, str]:
     except OSError as error:
         raise BadInput("file", name, f"a TOML file that can be read ({error.strerror})") from error
     try:
-        return tomllib.loads(text), text
+        table = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        lines = text.splitlines() or [""]
-        at = re.search(r"at line (\d+)", str(error))
-        line = int(at[1]) if at else len(lines)
-        shown = lines[min(line, len(lines)) - 1].strip()
+        line = _broken_line(text, str(error))
+        shown = [*text.splitlines(), ""][line - 1].strip()
         reason = re.sub(r"\s*\(at [^)]*\)", "", str(error)).rstrip(".")
         if "\\" in shown:
             reason += f"; {BACKSLASHES}"
         raise BadInput(
             "TOML", shown, f"readable TOML, such as 'G = \"7.5 kPa\"' ({reason})", file=name, line=line
         ) from error
+    if wanted:
+        _refuse_other(table, name, wanted)
+    return TomlFile(path, table, text)
+
+
+def _broken_line(text: str, message: str) -> int:
+    """The line of an error of ``tomllib``; where a list or a string was left open that in which it begins."""
+    lines = text.splitlines() or [""]
+    at = re.search(r"at line (\d+)", message)
+    line = min(int(at[1]), len(lines)) if at else len(lines)
+    for n in range(line - 1, 0, -1):
+        try:
+            tomllib.loads("\n".join(lines[:n]))
+        except tomllib.TOMLDecodeError:
+            continue
+        # Line n + 1 begins what cannot be read; a new statement below it was none of its lines.
+        if _STATEMENT.match(lines[line - 1]):
+            return next(k for k in range(n, line) if lines[k].split("#")[0].strip()) + 1
+        break
+    return line
 
 
 #: What a TOML file is, by a section that no other has, and what takes it.
@@ -79,42 +136,49 @@ _SORTS = {
 }
 
 
-def refuse_other(table: Mapping[str, object], path: str | Path, wanted: str) -> None:
+def _refuse_other(table: Mapping[str, object], name: str, wanted: str) -> None:
     """Raise BadInput where the ``table`` in a file is not ``wanted``, a key of ``_SORTS``, but another."""
     sections = {key for key, part in table.items() if isinstance(part, dict)}
     of_a_case = bool(sections & {"material", "specimen", "blade", "protocol"})
-    there = [sort for sort in _SORTS if sort in table or (sort == "case" and of_a_case)]
-    if there and wanted not in there:
-        (sought, _), (found, takes) = _SORTS[wanted], _SORTS[there[0]]
-        raise BadInput("file", str(path), f"{sought}; this is {found}, for {takes}")
+    sorts = [sort for sort in _SORTS if sort in table or (sort == "case" and of_a_case)]
+    if sorts and wanted not in sorts:
+        (sought, _), (written, takes) = _SORTS[wanted], _SORTS[sorts[0]]
+        raise BadInput("file", name, f"{sought}; this is {written}, for {takes}")
 
 
-def in_short(raw: object) -> str:
-    """What a person wrote, in a message about its key: of a section its keys; nothing is missing."""
-    if raw is None:
-        return "(missing)"
-    if isinstance(raw, dict):
-        return f"a section with {', '.join(map(str, raw))}"[:60]
-    return (
-        "a list of sections" if isinstance(raw, list) and raw and isinstance(raw[0], dict) else str(raw)[:60]
-    )
+def line_of(text: str, key: str, section: str = "", number: int | None = None) -> int | None:
+    """Line in which ``key`` is set or opened: in ``[section]`` if that has it, else wherever it is first.
+
+    Dots in ``key`` lead into sections and tables. Of several sections of one name ``number``, from 0, says
+    which is meant; a key that is not in it has the line of its head. None if it is nowhere.
+    """
+    lines = [line.split("#")[0] for line in text.splitlines()]
+    heads = [(i, head[1]) for i, line in enumerate(lines) if (head := _HEAD.match(line))]
+    own = [i for i, name in heads if name == section][number or 0 :]
+    line = None
+    if own:
+        # Sections below it are its own, as [experiment.specimen] is of [[experiment]].
+        after = (i for i, name in heads if i > own[0] and not name.startswith(f"{section}."))
+        line = _place(lines, key, own[0] + 1, next(after, len(lines)))
+    if line is None and number is None:
+        line = _place(lines, key, 0, len(lines))
+    if line is None and number is not None and own:
+        line = own[0]
+    return None if line is None else line + 1
 
 
-def line_of(text: str, key: str, section: str | None = None) -> int | None:
-    """Line number of ``key`` (below ``[section]`` if given), or of ``[key]``; None if it is not there."""
-    name = rf"[\"']?{re.escape(key)}[\"']?"
-    assigns = re.compile(rf"\s*{name}\s*(=|\.)")
-    opens = re.compile(rf"\s*\[\[?\s*{name}\s*\]")
-    here, elsewhere = None, None
-    for number, line in enumerate(text.splitlines(), start=1):
-        head = re.match(r"\s*\[\[?\s*([^\]]+?)\s*\]", line)
-        if head:
-            here = head[1]
-        if opens.match(line) or assigns.match(line):
-            if section is None or here == section:
-                return number
-            elsewhere = elsewhere or number
-    return elsewhere
+def _place(lines: list[str], key: str, begin: int, end: int) -> int | None:
+    """The place among ``lines`` of ``key``, or of as much of it as is between ``begin`` and ``end``."""
+    place = None
+    for word in key.split("."):
+        name = rf"[\"']?{re.escape(word)}[\"']?\s*"
+        # A head or a statement of its own, else within a line.
+        ways = rf"\s*\[\[?\s*([^\]]+\.)?{name}\]|\s*{name}[=.]", rf".*[{{,.]\s*{name}[=.]"
+        inner = next((i for way in ways for i in range(begin, end) if re.match(way, lines[i])), None)
+        if inner is None:
+            break
+        place, begin, end = inner, inner, end if _HEAD.match(lines[inner]) else inner + 1
+    return place
 
 
 def nearest(name: str, known: Iterable[str], likeness: float = 0.5) -> str | None:
@@ -141,34 +205,8 @@ def among(key: str, name: object, known: Iterable[object], *, value: object = No
         raise BadInput(key, name if value is None else value, one_of(str(name), map(str, names)))
 
 
-def written(key: str, raw: object, expected: str, *, value: object = None) -> str:
+def written(key: str, raw: object, expected: str) -> str:
     """``raw`` if it is a text with something in it. Raises BadInput."""
     if not isinstance(raw, str) or not raw.strip():
-        raise BadInput(key, raw if value is None else value, expected)
+        raise BadInput(key, raw, expected)
     return raw
-
-
-@contextmanager
-def located(
-    file: str | Path,
-    text: str,
-    section: str | None = None,
-    *,
-    find: Callable[[str], int | None] | None = None,
-) -> Iterator[None]:
-    """Errors raised inside without a file get this one, and the line of their key where it is written.
-
-    ``find`` gives the line of a key where ``line_of`` would not know which of several is meant.
-    """
-    try:
-        yield
-    except BadInput as error:
-        if error.file is not None:
-            raise
-        raise BadInput(
-            error.key,
-            error.value,
-            error.expected,
-            file=str(file),
-            line=find(error.key) if find else line_of(text, error.key, section),
-        ) from error

@@ -15,9 +15,11 @@ from dataclasses import asdict, dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType, SimpleNamespace
+from typing import Any
 
-from cutbench.base.errors import BadInput, ComputationFailed, DoubtfulInput
-from cutbench.base.toml import in_short, located, one_of, read_toml, refuse_other, written
+from cutbench.base.errors import BadInput, ComputationFailed, DoubtfulInput, require
+from cutbench.base.sections import Entry, read_section
+from cutbench.base.toml import TomlFile, among, read_toml, written
 from cutbench.case import materials
 from cutbench.case.computation import computation_of, mesh_digest
 from cutbench.case.group_ranges import UntypicalGroup, untypical_groups
@@ -29,25 +31,28 @@ from cutbench.case.tuning import Tuning
 from cutbench.case.values import (
     SECTIONS,
     as_written,
-    brief,
     check_fit,
     completed,
     doubts,
-    instead,
-    misplaced,
     names,
     parse_overrides,
-    parse_values,
     resolve,
     rounded,
+    section_changes,
     section_hint,
-    unknown,
 )
 from cutbench.mechanisms.own_laws import folders_of, take_up
 
 #: A section stands for what is longer than this part of its smaller side.
 THICK = 0.5
-_TOP = ("material", "base", "mechanisms", *SECTIONS, "numerics")
+#: What sets something of a case, in its file.
+CASE_SECTIONS = (*SECTIONS, "numerics")
+_FILE = (
+    Entry("material", materials.ABOUT, default={}),
+    Entry("base", str, "a material's name or a TOML file"),
+    Entry("mechanisms", names),
+    *(Entry(section, dict, default={}) for section in CASE_SECTIONS),
+)
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -106,8 +111,7 @@ class Case:
     until: str = DEPTH
 
     def __post_init__(self) -> None:
-        if self.dim not in (2, 3):
-            raise BadInput(key="dim", value=self.dim, expected="2 or 3")
+        require(self.dim in (2, 3), "dim", self.dim, "2 or 3")
         written("name", self.name, "a name, such as 'gelatin'")
         model = Model(tuple(self.mechanisms))
         full = completed(self.values, model)
@@ -118,9 +122,8 @@ class Case:
         object.__setattr__(self, "motion", checked_motion(self.motion, full["depth"], self.until))
 
     def __reduce__(self):
-        given = {f.name: getattr(self, f.name) for f in fields(self)}
-        given["values"] = dict(self.values)  # a MappingProxyType has no pickle
-        return _unpickled, (folders_of(self.mechanisms), given), {"_asked": self.computation}
+        state = self._fields | {"values": dict(self.values)}  # a MappingProxyType has no pickle
+        return _unpickled, (folders_of(self.mechanisms), state), {"_asked": self.computation}
 
     def __hash__(self) -> int:
         return hash(self.id)
@@ -128,6 +131,10 @@ class Case:
     def __repr__(self) -> str:
         values = ", ".join(f"{name} {text}" for name, text in self.shown().items())
         return f"Case: {self.name}, {self.dim}D\n  model   {self.model.described}\n  values  {values}"
+
+    @property
+    def _fields(self) -> dict[str, Any]:
+        return {f.name: getattr(self, f.name) for f in fields(self)}
 
     @cached_property
     def model(self) -> Model:
@@ -150,13 +157,13 @@ class Case:
         See ``cutbench.case.computation``. Raises ComputationFailed in a process that has other code than the
         one that sent the case.
         """
-        found = computation_of(self.model)
-        if (asked := vars(self).get("_asked", found)) != found:
+        own = computation_of(self.model)
+        if (asked := vars(self).get("_asked", own)) != own:
             raise ComputationFailed(
-                f"'{self.name}' is to be computed by computation {asked}, this process has {found}: install"
+                f"'{self.name}' is to be computed by computation {asked}, this process has {own}: install"
                 " one cutbench on all machines, and change no file of it while runs are computed"
             )
-        return found
+        return own
 
     @cached_property
     def id(self) -> str:
@@ -189,9 +196,9 @@ class Case:
 
     def __getitem__(self, name: str) -> str:
         """The value of a parameter as a person reads it, with its unit."""
-        if name not in (shown := self.shown()):
-            raise BadInput("parameter", name, one_of(name, shown))
-        return shown[name]
+        texts = self.shown()
+        among("parameter", name, texts)
+        return texts[name]
 
     def _ipython_key_completions_(self) -> list[str]:
         return list(self.shown())
@@ -212,7 +219,7 @@ class Case:
     @property
     def cautions(self) -> tuple[str, ...]:
         """The doubts that are about elements, or about the section."""
-        return self._sheet + doubts(self.p, self.model.tool, self.numerics, self.sizes, self._finest_mm)
+        return (*self._sheet, *doubts(self.p, self.model.tool, self.numerics, self.sizes, self._finest_mm))
 
     @property
     def far(self) -> list[UntypicalGroup]:
@@ -281,8 +288,7 @@ class Case:
         BadInput
             For an unknown name, a value that cannot be used, or values that do not fit one another.
         """
-        given = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "mechanisms"}
-        return _Draft(model=self.model, **given).changed(changes).case()
+        return _case(_changed(self._fields | {"model": self.model}, changes))
 
     def to_dict(self) -> dict:
         """Describe the case as plain data with units, for JSON; ``from_dict`` gives the same case.
@@ -328,72 +334,67 @@ class Case:
         """
         try:
             model = Model(tuple(data["mechanisms"]))
-            written = as_written(data["values"])
-            lines = {name: data[name] for name in ("motion", "outline", "until") if name in data}
-            changes = {**written, **data["numerics"], **lines}
+            changes = as_written(data["values"]) | data["numerics"]
+            changes |= {name: data[name] for name in ("motion", "outline", "until") if name in data}
             numerics = Numerics(tuning=Tuning.of(data["tuning"]) if "tuning" in data else Tuning())
-            draft = _Draft(name=data["name"], model=model, dim=data["dim"], numerics=numerics)
-            return draft.changed(changes).case()
+            start = _start(data["name"], model, numerics, data["dim"])
+            return _case(_changed(start, changes))
         except (KeyError, TypeError, AttributeError) as error:
-            expected = "a case as Case.to_dict() writes it"
-            raise BadInput(key="case", value=str(error), expected=expected) from error
+            raise BadInput("case", str(error), "a case as Case.to_dict() writes it") from error
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Draft:
-    """A case in the making: values may still be missing, and are not yet checked to fit."""
+# A case in the making is a dictionary: values may still be missing, and are not yet checked to fit.
 
-    name: object
-    model: Model
-    values: Mapping[str, float] = field(default_factory=dict)
-    numerics: Numerics = field(default_factory=Numerics)
-    dim: int = 2
-    motion: Polyline = ()
-    outline: Points = ()
-    until: str = DEPTH
 
-    def changed(self, changes: Mapping[str, object]) -> _Draft:
-        """With ``changes`` as ``Case.set`` takes them. Raises BadInput."""
-        rest, model = dict(changes), self.model
-        if "mechanisms" in rest:
-            model = Model(names("mechanisms", rest.pop("mechanisms")))
-        for key in ("with", "with_"):
-            if key in rest:
-                model = model.with_(*names("with", rest.pop(key)))
-        if "without" in rest:
-            model = model.without(*names("without", rest.pop("without")))
-        motion = read_motion(rest.pop("motion")) if "motion" in rest else self.motion
-        outline, rest = with_outline(rest, self.outline, model.tool)
-        name, word = rest.pop("name", self.name), rest.pop("numerics", None)
-        until = str(rest.pop("until", self.until))
-        if word == "paper":
-            model = model.as_published()
-        values = resolve(self.values, {k: v for k, v in rest.items() if k not in KEYS}, model)
-        if word is None and self.dim == 3 and rest.get("mesh") and self.numerics == defaults(3):
-            word = "tetrahedra"  # a mesh file has such elements, and needs their contact
-        start = self.numerics if word is None else self._preset(word, model, values)
-        numerics = start.set({k: v for k, v in rest.items() if k in KEYS})
-        if numerics.mesh is not None:
-            mesh_digest(numerics.mesh)  # what cannot be read is refused here, not in the middle of a run
-        return _Draft(
-            name=name, model=model, values=values, numerics=numerics, dim=self.dim,
-            motion=motion, outline=outline, until=until,
-        )  # fmt: skip
+def _start(name: object, model: Model, numerics: Numerics, dim: int) -> dict[str, Any]:
+    return {
+        "name": name, "model": model, "values": {}, "numerics": numerics, "dim": dim, "motion": (),
+        "outline": (), "until": DEPTH,
+    }  # fmt: skip
 
-    def _preset(self, word: object, model: Model, values: Mapping[str, float]) -> Numerics:
+
+def _case(fields_: Mapping[str, Any]) -> Case:
+    model = fields_["model"]
+    return Case(**{k: v for k, v in fields_.items() if k != "model"} | {"mechanisms": model.mechanisms})
+
+
+def _changed(start: Mapping[str, Any], changes: Mapping[str, object]) -> dict[str, Any]:
+    """``start`` with ``changes`` as ``Case.set`` takes them. Raises BadInput."""
+    rest, model = dict(changes), start["model"]
+    if "mechanisms" in rest:
+        model = Model(names(rest.pop("mechanisms"), key="mechanisms"))
+    for key in ("with", "with_"):
+        if key in rest:
+            model = model.with_(*names(rest.pop(key), key="with"))
+    if "without" in rest:
+        model = model.without(*names(rest.pop("without"), key="without"))
+    motion = read_motion(rest.pop("motion")) if "motion" in rest else start["motion"]
+    outline, rest = with_outline(rest, start["outline"], model.tool)
+    name, word = rest.pop("name", start["name"]), rest.pop("numerics", None)
+    until = str(rest.pop("until", start["until"]))
+    if word == "paper":
+        model = model.as_published()
+    values = resolve(start["values"], {k: v for k, v in rest.items() if k not in KEYS}, model)
+    numerics, dim = start["numerics"], start["dim"]
+    if word is None and dim == 3 and rest.get("mesh") and numerics == defaults(3):
+        word = "tetrahedra"  # a mesh file has such elements, and needs their contact
+    if word is not None:
         # What is still missing is named later; until then it is the typical value.
-        full = {n: q.typical * q.factor for n, q in model.parameters().items()} | dict(values)
+        full = {n: q.typical * q.factor for n, q in model.parameters().items()} | values
         modulus = model.shear_modulus(SimpleNamespace(**full))
-        return preset(word, self.dim, modulus, full.get("thickness", 1.0))
+        numerics = preset(word, dim, modulus, full.get("thickness", 1.0))
+    numerics = numerics.set({k: v for k, v in rest.items() if k in KEYS})
+    if numerics.mesh is not None:
+        mesh_digest(numerics.mesh)  # what cannot be read is refused here, not in the middle of a run
+    return {
+        "name": name, "model": model, "values": values, "numerics": numerics, "dim": dim, "motion": motion,
+        "outline": outline, "until": until,
+    }  # fmt: skip
 
-    def case(self) -> Case:
-        given = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "model"}
-        return Case(mechanisms=self.model.mechanisms, **given)
 
-
-def _unpickled(folders: tuple[Path, ...], given: dict) -> Case:
+def _unpickled(folders: tuple[Path, ...], state: dict) -> Case:
     take_up(folders)  # another process does not know a user's own laws yet
-    return Case(**given)
+    return Case(**state)
 
 
 def load_case(
@@ -429,15 +430,15 @@ def load_case(
     ('0.5 s', '8 kPa')
     """
     changes = dict(overrides) if isinstance(overrides, Mapping) else parse_overrides(overrides)
-    draft, path, text = _load(source, (), dim)
-    draft = draft.changed(changes)
-    written = {ALIASES.get(key, key) for key in changes}
+    start, file = _load(source, (), dim)
+    draft = _changed(start, changes)
+    changed = {ALIASES.get(key, key) for key in changes}
     try:
-        return draft.case()
+        return _case(draft)
     except BadInput as error:
-        if ALIASES.get(error.key, error.key) in written:
+        if ALIASES.get(error.key, error.key) in changed:
             raise
-        with located(path, text):
+        with file.at():
             raise
 
 
@@ -446,9 +447,9 @@ def case_of(source: object, changes: Mapping[str, object], *, dim: int | None = 
     for. Raises BadInput."""
     if isinstance(source, Case):
         return replace(source.set(**changes), dim=source.dim if dim is None else dim)
-    if not isinstance(source, (str, Path)):
-        raise BadInput("source", source, "a case, a material's name or a TOML file")
-    return load_case(source, changes, dim=dim or 2)
+    named: Any = source
+    require(isinstance(named, (str, Path)), "source", named, "a case, a material's name or a TOML file")
+    return load_case(named, changes, dim=dim or 2)
 
 
 def warn_of_doubts(case: Case, stacklevel: int) -> None:
@@ -475,58 +476,24 @@ def known_materials() -> dict[str, Case]:
     return {name: load_case(name) for name in materials.names()}
 
 
-def _load(source: str | Path, seen: tuple[Path, ...], dim: int) -> tuple[_Draft, Path, str]:
-    """What a file describes, the file and its text; ``seen`` are the files that led to it by ``base``."""
-    path = materials.find(source)
-    table, text = read_toml(path)
-    refuse_other(table, path, "case")
-    here = path.resolve()
-    with located(path, text):
-        for key, part in table.items():
-            if key not in _TOP:
-                raise BadInput(key=key, value=in_short(part), expected=section_hint(key, _TOP))
-            if key in (*SECTIONS, "material", "numerics") and not isinstance(part, dict):
-                raise BadInput(key=key, value=brief(part), expected=f"a section, written [{key}]")
-        about = materials.check_about(table.get("material", {}))
-        base = None
-        if "base" in table:
-            if not isinstance(table["base"], str):
-                expected = "a material's name or a TOML file"
-                raise BadInput(key="base", value=brief(table["base"]), expected=expected)
-            near = path.parent / table["base"]
-            origin = near if near.is_file() else table["base"]
-            if materials.find(origin, key="base").resolve() in (*seen, here):
-                expected = "a file that does not lead back here"
-                raise BadInput(key="base", value=table["base"], expected=expected)
-            base = _load(origin, (*seen, here), dim)[0]
-        listed = names("mechanisms", table["mechanisms"]) if "mechanisms" in table else None
-        start = base or _Draft(name=path.stem, model=Model(DEFAULT), numerics=defaults(dim), dim=dim)
-        model = Model(listed) if listed else start.model
-    changes: dict[str, object] = {}
-    for section in (*SECTIONS, "numerics"):
-        with located(path, text, section):
-            part = dict(table.get(section, {}))
-            if section == "protocol" and "motion" in part:
-                changes["motion"] = read_motion(part.pop("motion"))
-            if section == "protocol" and "until" in part:
-                changes["until"] = part.pop("until")
-            if section == "blade" and "outline" in part:
-                changes["outline"] = read_outline(part.pop("outline"), path.parent)
-            for key, raw in part.items():
-                if instead(key):
-                    raise unknown(key, raw, model)
-                if right := misplaced(key, section, model):
-                    expected = f"it in the section [{right}], not in [{section}]"
-                    raise BadInput(key=key, value=brief(raw), expected=expected)
-            # Each section on its own first, so that an error has the line of this section.
-            if section == "numerics":
-                Numerics().set(part)
-            else:
-                parse_values(part, model)
-            changes |= part
-    mesh = changes.get("mesh")
-    if isinstance(mesh, str) and not Path(mesh).is_absolute():
-        changes["mesh"] = str(path.parent / mesh)
-    with located(path, text):
-        changes |= {"name": about.get("name", path.stem), "mechanisms": model.mechanisms}
-        return start.changed(changes), path, text
+def _load(source: str | Path, before: tuple[Path, ...], dim: int) -> tuple[dict[str, Any], TomlFile]:
+    """What a file describes, and the file; those ``before`` led to it by their ``base``."""
+    file = read_toml(materials.find(source), "case")
+    before = (*before, file.path.resolve())
+    with file.at():
+        top = read_section(file.table, _FILE, instead=section_hint)
+        start = _start(file.path.stem, Model(DEFAULT), defaults(dim), dim)
+        if top["base"] is not None:
+            origin = file.beside(top["base"])
+            again = materials.find(origin, key="base").resolve() in before
+            require(not again, "base", top["base"], "a file that does not lead back here")
+            start, _ = _load(origin, before, dim)
+        model = Model(top["mechanisms"]) if top["mechanisms"] else start["model"]
+    changes, places = section_changes(file, {section: top[section] for section in CASE_SECTIONS}, model)
+    changes |= {"name": top["material"].get("name") or file.path.stem, "mechanisms": model.mechanisms}
+    with file.at(places):
+        if "outline" in changes:
+            changes["outline"] = read_outline(changes["outline"], file.path.parent)
+        if isinstance(mesh := changes.get("mesh"), str):
+            changes["mesh"] = str(file.path.parent / mesh)
+        return _changed(start, changes), file

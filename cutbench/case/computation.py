@@ -118,12 +118,12 @@ class Sources:
 
     def law(self, kind: type) -> frozenset[Path]:
         """The files that count where a law of this class is in the model."""
-        found = []
+        files = []
         for base in kind.__mro__:
             if base.__module__.partition(".")[0] not in sys.stdlib_module_names:
                 file = getattr(sys.modules.get(base.__module__), "__file__", None)
-                found.append(Path(file) if file else self._typed_in(base))
-        return self._closure(found)
+                files.append(Path(file) if file else self._typed_in(base))
+        return self._closure(files)
 
     def digest(self, laws: Iterable[type]) -> str:
         """12 hex digits of the engine and these laws."""
@@ -161,14 +161,14 @@ class Sources:
 
     def _closure(self, start: Iterable[Path]) -> frozenset[Path]:
         """``start`` and all that those files import from their own packages and from this one."""
-        found: set[Path] = set()
+        closure: set[Path] = set()
         todo = list(start)
         while todo:
             path = todo.pop()
-            if path not in found and not self._source(path).draws:
-                found.add(path)
+            if path not in closure and not self._source(path).draws:
+                closure.add(path)
                 todo += self._imports(path)
-        return frozenset(found)
+        return frozenset(closure)
 
     def _imports(self, path: Path) -> Iterator[Path]:
         for module, names in self._source(path).imports:

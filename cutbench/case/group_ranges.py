@@ -55,7 +55,7 @@ def untypical_groups(model: Model, values: Mapping[str, float]) -> list[Untypica
     shipped material has, and small ones that switching a mechanism off makes nought: less of it is nearer to
     nothing, which is always of interest.
     """
-    found, ranges, known = [], _ranges(), model.parameters()
+    far, ranges, known = [], _ranges(), model.parameters()
 
     def moved(group: str, name: str, to: float) -> float:
         return model.groups(model.namespace({**values, name: to}))[group]
@@ -74,8 +74,8 @@ def untypical_groups(model: Model, values: Mapping[str, float]) -> list[Untypica
             for name, off in offs.items()
         )
         if parts and not small:
-            found.append(UntypicalGroup(group, value, low, high, tuple(parts), _rates(model, parts)))
-    return found
+            far.append(UntypicalGroup(group, value, low, high, tuple(parts), _rates(model, parts)))
+    return far
 
 
 def _rates(model: Model, parts: list[str]) -> str:
@@ -98,7 +98,7 @@ def _ranges() -> dict[str, tuple[float, float]]:
     """Lowest and highest value of each group in the shipped materials."""
     seen: dict[str, list[float]] = {}
     for name in materials.names():
-        table = read_toml(materials.find(name))[0]
+        table = read_toml(materials.find(name)).table
         model = Model(tuple(table["mechanisms"])) if "mechanisms" in table else Model()
         raw = {key: value for section in SECTIONS for key, value in table.get(section, {}).items()}
         groups = model.groups(model.namespace(resolve({}, raw, model)))

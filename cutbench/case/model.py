@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from cutbench.base.errors import BadInput
+from cutbench.base.errors import BadInput, require
 from cutbench.base.toml import among, one_of
 from cutbench.base.units import Parameter
 from cutbench.mechanisms import Group, Mechanism, Tool, Volumetric, registry
@@ -57,10 +57,10 @@ def levers() -> dict[str, str]:
 def mechanism(name: object, *, key: str = "mechanisms") -> Mechanism:
     """The registered mechanism called ``name``; BadInput with the nearest name otherwise."""
     known = registry()
-    if not isinstance(name, str) or name not in known:
-        own = "; the folder of a law of your own is named by --mechanisms DIR"
-        raise BadInput(key=key, value=name, expected=one_of(str(name), known) + own)
-    return known[name]
+    own = "; the folder of a law of your own is named by --mechanisms DIR"
+    if name not in list(known):
+        raise BadInput(key, name, one_of(str(name), known) + own)
+    return known[str(name)]
 
 
 def owners(parameter: str) -> list[str]:
@@ -100,23 +100,20 @@ class Model:
     def __post_init__(self) -> None:
         asked = [mechanism(name) for name in self.mechanisms]
         roles: dict[tuple[str, str], str] = {}
+        listed = ", ".join(self.mechanisms)
         for m in asked:
-            if m.role is None:
-                continue
-            other = roles.setdefault((m.slot, m.role), m.name)
-            if other != m.name:
+            if m.role is not None:
+                other = roles.setdefault((m.slot, m.role), m.name)
                 expected = f"one mechanism of the role '{m.role}': take out {other} or {m.name}"
-                raise BadInput(key="mechanisms", value=f"{other}, {m.name}", expected=expected)
+                require(other == m.name, "mechanisms", f"{other}, {m.name}", expected)
         for m in asked:
             for role in m.follows:
-                if (m.slot, role) not in roles:
-                    able = [o.name for o in registry().values() if (o.slot, o.role) == (m.slot, role)]
-                    expected = f"a mechanism of the role '{role}' for {m.name}, such as {', '.join(able)}"
-                    raise BadInput(key="mechanisms", value=", ".join(self.mechanisms), expected=expected)
-        if not any(m.slot == "bulk" and not isinstance(m, Volumetric) for m in asked):
-            laws = [m.name for m in registry().values() if m.slot == "bulk" and not isinstance(m, Volumetric)]
-            expected = f"a bulk law that resists shear: {', '.join(laws)}"
-            raise BadInput(key="mechanisms", value=", ".join(self.mechanisms), expected=expected)
+                able = ", ".join(o.name for o in registry().values() if (o.slot, o.role) == (m.slot, role))
+                expected = f"a mechanism of the role '{role}' for {m.name}, such as {able}"
+                require((m.slot, role) in roles, "mechanisms", listed, expected)
+        shear = [m for m in registry().values() if m.slot == "bulk" and not isinstance(m, Volumetric)]
+        expected = f"a bulk law that resists shear: {', '.join(m.name for m in shear)}"
+        require(any(m in shear for m in asked), "mechanisms", listed, expected)
         self._refuse_orphans(asked, roles)
         names = {m.name for m in asked}
         object.__setattr__(self, "mechanisms", tuple(name for name in registry() if name in names))
@@ -130,15 +127,14 @@ class Model:
             for name in (name for name in reader.reads if name not in declared):
                 who = owners(name)
                 places = [(registry()[o].slot, registry()[o].role or "") for o in who]
-                there = next((roles[place] for place in places if place in roles), "")
+                law = next((roles[place] for place in places if place in roles), "")
                 if name == MODULUS:  # that of the bulk laws, which these laws add to
-                    there = reader.name if isinstance(reader, Bulk) and reader.adds_stiffness else ""
-                if there:
-                    expected = (
-                        f"a parameter that a mechanism of the model declares; {there}, in the place of"
-                        f" {' or '.join(who)}, does not: let {there} declare {name}, or leave {reader.name}"
-                    )
-                    raise BadInput(key=f"{reader.name} reads", value=name, expected=expected)
+                    law = reader.name if isinstance(reader, Bulk) and reader.adds_stiffness else ""
+                expected = (
+                    f"a parameter that a mechanism of the model declares; {law}, in the place of"
+                    f" {' or '.join(who)}, does not: let {law} declare {name}, or leave {reader.name}"
+                )
+                require(not law, f"{reader.name} reads", name, expected)
 
     def __reduce__(self):
         return _unpickled, (folders_of(self.mechanisms), self.mechanisms)
@@ -182,15 +178,15 @@ class Model:
         BadInput
             For a name that no mechanism has.
         """
-        kept = list(self.mechanisms)
+        names_ = list(self.mechanisms)
         for name in names:
             new = mechanism(name, key="with")
-            kept = [
-                old for old in kept
+            names_ = [
+                old for old in names_
                 if new.role is None or (registry()[old].slot, registry()[old].role) != (new.slot, new.role)
             ]  # fmt: skip
-            kept.append(name)
-        return Model(tuple(kept))
+            names_.append(name)
+        return Model(tuple(names_))
 
     def extended(self, *names: str) -> tuple[Model, dict[str, float]]:
         """Return the model with mechanisms added where they have no effect, and the values which that takes.
@@ -221,16 +217,14 @@ class Model:
                 continue
             new = [q for q in added.parameters if q.name not in known]
             replaced = [m for m in model.all if m.role and (m.slot, m.role) == (added.slot, added.role)]
-            if not any(q.off is not None for q in new):
-                expected = "a mechanism that a value of its own switches off"
-                raise BadInput(key="with", value=name, expected=expected)
+            switched = any(q.off is not None for q in new)
+            require(switched, "with", name, "a mechanism that a value of its own switches off")
+            kin = [c for c in type(added).__mro__[1:] if any(type(m) is c for m in registry().values())]
             for old in replaced:
-                kin = [c for c in type(added).__mro__[1:] if any(type(m) is c for m in registry().values())]
-                if not set(old.parameters) <= set(added.parameters) or type(old) not in (
+                special = set(old.parameters) <= set(added.parameters) and type(old) in (
                     kin[:1] or [type(old)]
-                ):
-                    expected = f"a mechanism that has {old.name} as a special case"
-                    raise BadInput(key="with", value=name, expected=expected)
+                )
+                require(special, "with", name, f"a mechanism that has {old.name} as a special case")
             for q in new:
                 start = next(v for v in (q.off, q.default, q.typical) if v is not None)
                 values[q.name] = start * q.factor
@@ -290,23 +284,22 @@ class Model:
         ValueError
             If two mechanisms declare a parameter differently, or one reads a parameter that none declares.
         """
-        found: dict[str, Parameter] = {}
+        declared: dict[str, Parameter] = {}
         for m in self.all:
             for q in m.parameters:
-                if found.setdefault(q.name, q) != q:
+                if declared.setdefault(q.name, q) != q:
                     raise ValueError(
                         f"{m.name} declares {q.name} otherwise than another mechanism of the model"
                     )
-        found |= {q.name: q for q in SPECIMEN + PROTOCOL}
+        declared |= {q.name: q for q in SPECIMEN + PROTOCOL}
         for m in self.all:
             for name in m.reads:
-                if name in found or name == MODULUS:
-                    continue
-                declared = [q for o in registry().values() for q in o.parameters if q.name == name]
-                if not declared:
-                    raise ValueError(f"{m.name} reads {name}, which no mechanism declares")
-                found[name] = declared[0]
-        return found
+                if name not in declared and name != MODULUS:
+                    owned = (q for law in registry().values() for q in law.parameters if q.name == name)
+                    if (first := next(owned, None)) is None:
+                        raise ValueError(f"{m.name} reads {name}, which no mechanism declares")
+                    declared[name] = first
+        return declared
 
     @cached_property
     def derives_modulus(self) -> bool:

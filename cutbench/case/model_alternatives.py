@@ -17,7 +17,7 @@ from cutbench.mechanisms import registry
 def alternative_cases(case: Case) -> tuple[dict[str, Case], dict[str, str]]:
     """``case`` with one thing changed that the model leaves open, by what that is; and those that cannot be,
     with the reason."""
-    found: dict[str, Case] = {}
+    cases: dict[str, Case] = {}
     refused: dict[str, str] = {}
     seen = {case.id}
     for name, changes in _changes(case):
@@ -28,8 +28,8 @@ def alternative_cases(case: Case) -> tuple[dict[str, Case], dict[str, str]]:
             continue
         if other.id not in seen:  # what is off is not changed by a factor
             seen.add(other.id)
-            found[name] = other
-    return found, refused
+            cases[name] = other
+    return cases, refused
 
 
 def _changes(case: Case) -> Iterator[tuple[str, Mapping[str, object]]]:

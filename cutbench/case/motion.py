@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
-from cutbench.base.errors import BadInput
+from cutbench.base.errors import require
 from cutbench.base.toml import among
 from cutbench.base.units import parse_quantity
 
@@ -101,13 +102,11 @@ class Motion:
         return any(abs(time * self.speed - pseudo_time_mm) < 1e-9 * self.end for time, _ in self.points)
 
 
-def read_motion(raw: object) -> Polyline:
+def read_motion(raw: Any) -> Polyline:
     """From pairs of a time and a travel with their units, or of numbers in s and mm. Raises BadInput."""
-    if not isinstance(raw, (list, tuple)) or not all(
-        isinstance(p, (list, tuple)) and len(p) == 2 for p in raw
-    ):
-        expected = "pairs of time and travel, such as [['0 s', '0 mm'], ['9 s', '2 mm'], ['99 s', '2 mm']]"
-        raise BadInput(key="motion", value=str(raw)[:60], expected=expected)
+    pairs = isinstance(raw, (list, tuple)) and all(isinstance(p, (list, tuple)) and len(p) == 2 for p in raw)
+    expected = "pairs of time and travel, such as [['0 s', '0 mm'], ['9 s', '2 mm'], ['99 s', '2 mm']]"
+    require(pairs, "motion", raw, expected)
     return tuple((_number(time, "s"), _number(travel, "mm")) for time, travel in raw)
 
 
@@ -120,7 +119,7 @@ def _number(raw: object, unit: str) -> float:
 def corners(s: np.ndarray, y: np.ndarray, limit: float) -> list[int]:
     """Where between its ends the line through (s, y), (n,) each, bends: what is left out lies within
     ``limit`` of straight lines (Ramer, Douglas and Peucker)."""
-    kept, open_ = [], [(0, s.size - 1)]
+    bends, open_ = [], [(0, s.size - 1)]
     while open_:
         a, b = open_.pop()
         if b - a < 2:
@@ -128,9 +127,9 @@ def corners(s: np.ndarray, y: np.ndarray, limit: float) -> list[int]:
         off = np.abs(y[a : b + 1] - np.interp(s[a : b + 1], s[[a, b]], y[[a, b]]))
         k = a + int(off.argmax())
         if off[k - a] > limit:
-            kept.append(k)
+            bends.append(k)
             open_ += [(a, k), (k, b)]
-    return sorted(kept)
+    return sorted(bends)
 
 
 def simplified(motion: Polyline, part: float = 0.005) -> Polyline:
@@ -143,19 +142,15 @@ def simplified(motion: Polyline, part: float = 0.005) -> Polyline:
 def checked_motion(motion: Polyline, depth: float, until: str = DEPTH) -> Polyline:
     """``motion`` if a blade can follow it to no more than ``depth``, all the way. Raises BadInput."""
     among("until", until, UNTIL)
-    if motion and until != DEPTH:
-        expected = f"'{DEPTH}' with a motion, which has an end of its own"
-        raise BadInput(key="until", value=until, expected=expected)
+    expected = f"'{DEPTH}' with a motion, which has an end of its own"
+    require(not motion or until == DEPTH, "until", until, expected)
+    require(len(motion) != 1, "motion", "one point", "two points or more")
     for i, (time, travel) in enumerate(motion):
-        if not (math.isfinite(time) and math.isfinite(travel)):
-            raise BadInput(key="motion", value=f"({time}, {travel})", expected="times in s and travels in mm")
-        if i == 0 and (time, travel) != (0.0, 0.0):
-            expected = "(0 s, 0 mm) at first"
-            raise BadInput(key="motion", value=f"({time:g} s, {travel:g} mm)", expected=expected)
-        if i and time <= motion[i - 1][0]:
-            raise BadInput(key="motion", value=f"{time:g} s", expected=f"a time after {motion[i - 1][0]:g} s")
-        if not 0 <= travel <= depth * (1 + 1e-9):
-            raise BadInput(key="motion", value=f"{travel:g} mm", expected=f"0 to the depth, {depth:g} mm")
-    if len(motion) == 1:
-        raise BadInput(key="motion", value="one point", expected="two points or more")
+        place, before = f"({time:g} s, {travel:g} mm)", motion[i - 1][0] if i else -math.inf
+        numbers = math.isfinite(time) and math.isfinite(travel)
+        require(numbers, "motion", place, "times in s and travels in mm")
+        require(i or time == travel == 0, "motion", place, "(0 s, 0 mm) at first")
+        require(time > before, "motion", f"{time:g} s", f"a time after {before:g} s")
+        inside = 0 <= travel <= depth * (1 + 1e-9)
+        require(inside, "motion", f"{travel:g} mm", f"0 to the depth, {depth:g} mm")
     return tuple(motion)

@@ -11,8 +11,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any
 
-from cutbench.base.errors import BadInput
-from cutbench.base.toml import among, one_of
+from cutbench.base.errors import require
+from cutbench.base.toml import among, written
 from cutbench.base.units import parse_quantity
 from cutbench.case.tuning import MeshTuning, StepTuning, Tuning, WindowTuning
 
@@ -198,14 +198,7 @@ class Numerics:
             Values by name, floats as text of 14 digits.
         """
 
-        def shown(value: object) -> object:
-            if isinstance(value, dict):
-                return {k: shown(v) for k, v in value.items()}
-            if isinstance(value, tuple):
-                return [shown(v) for v in value]
-            return f"{value:.14g}" if isinstance(value, float) else value
-
-        return {k: shown(v) for k, v in asdict(self).items()}
+        return asdict(self, dict_factory=lambda pairs: {name: _digits(value) for name, value in pairs})
 
     def written(self) -> dict[str, Any]:
         """Write the choices as ``set`` takes them, without the tuning.
@@ -310,11 +303,9 @@ class Numerics:
         """
         new: dict[str, Any] = {}
         for key, raw in values.items():
+            among(key, key, KEYS, value=raw)
             name = ALIASES.get(key, key)
-            if name not in _FIELDS:
-                raise BadInput(key=key, value=raw, expected=one_of(key, KEYS))
-            if name in new:
-                raise BadInput(key=key, value=raw, expected=f"one of '{key}' and '{name}', they are the same")
+            require(name not in new, key, raw, f"one of '{key}' and '{name}', they are the same")
             new[name] = _read(name, key, raw)
         return replace(self, **new)
 
@@ -495,35 +486,29 @@ KEYS = (*_FIELDS, *ALIASES)
 _SCALED = {name: f for name, f in _FIELDS.items() if f.metadata.get("unit")}
 
 
+def _digits(value: object) -> object:
+    if isinstance(value, tuple):
+        return [_digits(each) for each in value]
+    return f"{value:.14g}" if isinstance(value, float) else value
+
+
 def _read(name: str, key: str, raw: object) -> object:
-    if name == "mesh":
-        if raw is None:
-            return None
-        if not isinstance(raw, str) or not raw:
-            raise BadInput(key=key, value=raw, expected="the path of a mesh file")
-        return raw
     about = _FIELDS[name].metadata
+    if not about:
+        return None if raw is None else written(key, raw, "the path of a mesh file")
     if "choices" in about:
         among(key, raw, about["choices"])
         return raw
     if about["unit"] and isinstance(value := _scaled(key, raw, about["unit"]), Fixed):
         return value  # its bounds are in thicknesses of a blade, see ``misfits``
-    low, high = about["low"], about["high"]
+    low, high, whole = about["low"], about["high"], _FIELDS[name].type == "int"
     value = parse_quantity(raw, "1", key=key)
-    wanted = f"{low:g} <= {key} <= {high:g}"
+    wanted = "0 or " * about["chosen"] + "a whole number, " * whole + f"{low:g} <= {key} <= {high:g}"
     if about["unit"]:
         wanted += " thicknesses of the blade, or a length with its unit" * (about["unit"] == "mm")
-    if about["chosen"]:
-        wanted = f"0 or {wanted}"
-    if value == 0 and about["chosen"]:
-        return 0.0
-    if not math.isfinite(value) or not low <= value <= high:
-        raise BadInput(key=key, value=raw, expected=wanted)
-    if _FIELDS[name].type == "int":
-        if value != int(value):
-            raise BadInput(key=key, value=raw, expected=f"a whole number, {wanted}")
-        return int(value)
-    return float(value)
+    inside = low <= value <= high or (value == 0 and about["chosen"])
+    require(inside and (not whole or value == int(value)), key, raw, wanted)
+    return int(value) if whole else value + 0.0  # turns -0.0 into 0.0
 
 
 def _scaled(key: str, raw: object, unit: str) -> object:
@@ -533,13 +518,10 @@ def _scaled(key: str, raw: object, unit: str) -> object:
         try:
             bare = float(raw)
         except ValueError:
-            return Fixed(_above(key, raw, parse_quantity(raw, unit, key=key)), unit)
+            bare = Fixed(parse_quantity(raw, unit, key=key), unit)
     if key in ALIASES and isinstance(bare, (int, float)) and not isinstance(bare, bool):
-        return Fixed(_above(key, raw, float(bare)), unit)
+        bare = Fixed(float(bare), unit)
+    if isinstance(bare, Fixed):
+        sized = math.isfinite(bare.value) and bare.value >= 0
+        require(sized, key, raw, "a number above 0 with its unit, such as '0.1 mm'")
     return bare
-
-
-def _above(key: str, raw: object, value: float) -> float:
-    if not (math.isfinite(value) and value >= 0):
-        raise BadInput(key=key, value=raw, expected="a number above 0 with its unit, such as '0.1 mm'")
-    return value

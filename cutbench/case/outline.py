@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cutbench.base.errors import BadInput
+from cutbench.base.errors import BadInput, require
 from cutbench.mechanisms import Tool, registry
 
 #: Along the outline, x across and y up.
@@ -24,26 +24,26 @@ def read_outline(raw: object, folder: Path | None = None) -> Points:
             return tuple((float(x), float(y)) for x, y in raw)  # type: ignore[attr-defined]
         except (TypeError, ValueError):
             expected = "a CSV file with the columns x_mm and y_mm, such as 'blade.csv'"
-            raise BadInput(key="outline", value=str(raw)[:60], expected=expected) from None
+            raise BadInput("outline", raw, expected) from None
     path = (folder or Path()) / raw
     try:
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
-        expected = f"a CSV file that can be read ({error})"
-        raise BadInput(key="outline", value=raw, expected=expected) from error
+        raise BadInput("outline", raw, f"a CSV file that can be read ({error})") from error
     rows = [row for row in csv.reader(text.splitlines()) if row and not row[0].startswith("#")]
-    if not rows or [name.strip() for name in rows[0]] != _COLUMNS:
-        head = ",".join(rows[0]) if rows else ""
-        raise BadInput(file=str(path), key="outline", value=head, expected="x_mm,y_mm in the first line")
-    points = []
-    for row in rows[1:]:
-        try:
-            x, y = (float(number) for number in row)
-        except ValueError:
-            expected = "two numbers in mm on each line, such as 0.012,0.34"
-            raise BadInput(file=str(path), key="outline", value=",".join(row), expected=expected) from None
-        points.append((x, y))
-    return tuple(points)
+    head, *lines = rows or [[]]
+    titled = [name.strip() for name in head] == _COLUMNS
+    require(titled, "outline", ",".join(head), "x_mm,y_mm in the first line", file=str(path))
+    return tuple(_point(row, path) for row in lines)
+
+
+def _point(row: list[str], path: Path) -> tuple[float, float]:
+    try:
+        x, y = map(float, row)
+    except ValueError:
+        expected = "two numbers in mm on each line, such as 0.012,0.34"
+        raise BadInput("outline", ",".join(row), expected, file=str(path)) from None
+    return x, y
 
 
 def with_outline(changes: dict, before: Points, tool: Tool | None) -> tuple[Points, dict]:
@@ -51,9 +51,9 @@ def with_outline(changes: dict, before: Points, tool: Tool | None) -> tuple[Poin
     as measured unless they say otherwise."""
     if "outline" not in changes:
         return before if tool is not None and tool.measured else (), changes
-    found = read_outline(changes["outline"])
+    outline = read_outline(changes["outline"])
     rest = {name: value for name, value in changes.items() if name != "outline"}
-    return found, {"thickness": f"{width(found)!r} mm", **rest} if found else rest
+    return outline, {"thickness": f"{width(outline)!r} mm", **rest} if outline else rest
 
 
 def width(outline: Points) -> float:
@@ -64,28 +64,20 @@ def width(outline: Points) -> float:
 
 def checked_outline(outline: Points, tool: Tool | None) -> Points:
     """``outline`` if ``tool`` takes one and a blade can have it. Raises BadInput."""
+    value = f"{len(outline)} points"
     if tool is None or not tool.measured:
-        if outline:
-            takers = [law.name for law in registry().values() if isinstance(law, Tool) and law.measured]
-            expected = f"a mechanism that takes it: {', '.join(takers)}"
-            raise BadInput(key="outline", value=f"{len(outline)} points", expected=expected)
+        takers = [law.name for law in registry().values() if isinstance(law, Tool) and law.measured]
+        require(not outline, "outline", value, f"a mechanism that takes it: {', '.join(takers)}")
         return ()
-    if not outline:
-        expected = "a CSV file with the blade's profile in [blade], such as outline = 'blade.csv'"
-        raise BadInput(key="outline", value="(missing)", expected=expected)
+    example = "a CSV file with the blade's profile in [blade], such as outline = 'blade.csv'"
+    require(outline, "outline", "(missing)", example)
     points = np.array(outline)
-    wrong = ""
-    if len(points) < FEWEST:
-        wrong = f"{FEWEST} points or more"
-    elif not np.isfinite(points).all():
-        wrong = "finite numbers"
-    elif not (np.hypot(*np.diff(points, axis=0).T) > 0).all():
-        wrong = "points that differ from their neighbours"
-    else:
-        x, y = points.T
-        low = int(y.argmin())
-        if low in (0, len(y) - 1) and x.min() < x[low] < x.max():
-            wrong = "one flank, on one side of its lowest point, or both"
-    if wrong:
-        raise BadInput(key="outline", value=f"{len(points)} points", expected=wrong)
+    require(len(points) >= FEWEST, "outline", value, f"{FEWEST} points or more")
+    require(np.isfinite(points).all(), "outline", value, "finite numbers")
+    apart = np.hypot(*np.diff(points, axis=0).T) > 0
+    require(apart.all(), "outline", value, "points that differ from their neighbours")
+    x, y = points.T
+    low = int(y.argmin())
+    flanks = low not in (0, len(y) - 1) or not x.min() < x[low] < x.max()
+    require(flanks, "outline", value, "one flank, on one side of its lowest point, or both")
     return outline

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from types import SimpleNamespace
 
-from cutbench.base.errors import BadInput
+from cutbench.base.errors import BadInput, require
 from cutbench.case.model import Model
 from cutbench.case.numerics import KEYS
 from cutbench.case.outline import Points, read_outline
@@ -22,8 +22,8 @@ class Physics:
     outline: Points = ()
 
     def __post_init__(self) -> None:
-        if missing := [name for name in self.model.parameters() if name not in self.values]:
-            raise BadInput(key=missing[0], value="(missing)", expected="a value, which these laws need today")
+        for name in self.model.parameters():
+            require(name in self.values, name, "(missing)", "a value, which these laws need today")
 
     @classmethod
     def from_dict(cls, data: Mapping) -> Physics:
@@ -32,8 +32,7 @@ class Physics:
             model = Model(tuple(data["mechanisms"]))
             written = as_written(data["values"])
         except (KeyError, TypeError, AttributeError) as error:
-            expected = "a case as Case.to_dict() writes it"
-            raise BadInput(key="case", value=str(error), expected=expected) from error
+            raise BadInput("case", str(error), "a case as Case.to_dict() writes it") from error
         outline = read_outline(data["outline"]) if "outline" in data else ()
         return cls(model, resolve({}, written, model), outline)
 
@@ -52,6 +51,6 @@ class Physics:
 
     def set(self, mechanisms: object = None, **changes: object) -> Physics:
         """With other laws and values as ``Case.set`` takes them; what belongs to a run is passed over."""
-        model = self.model if mechanisms is None else Model(names("mechanisms", mechanisms))
+        model = self.model if mechanisms is None else Model(names(mechanisms, key="mechanisms"))
         own = {key: value for key, value in changes.items() if key not in (*KEYS, "motion", "until")}
         return Physics(model, resolve(self.values, own, model), self.outline)

@@ -6,8 +6,9 @@ import math
 from collections.abc import Iterable, Iterator, Mapping
 from types import SimpleNamespace
 
-from cutbench.base.errors import BadInput
-from cutbench.base.toml import one_of
+from cutbench.base.errors import BadInput, require
+from cutbench.base.sections import Entry, read_section
+from cutbench.base.toml import TomlFile, one_of
 from cutbench.case.mesh_sizes import chosen, under_tip
 from cutbench.case.model import PROTOCOL, SPECIMEN, Model, apply_groups, groups, owners, section_of, tools
 from cutbench.case.numerics import KEYS, Numerics, Sizes, unit_mm
@@ -38,12 +39,6 @@ def rounded(value: float, digits: int) -> float:
     return float(f"{value:.{digits}g}") + 0.0  # + 0.0 turns -0.0 into 0.0
 
 
-def brief(raw: object) -> str:
-    """What a person wrote, short enough for one message."""
-    text = str(raw)
-    return text if len(text) <= 60 else text[:57] + "..."
-
-
 def as_written(entries: Mapping[str, Mapping]) -> dict[str, object]:
     """The values of ``Case.to_dict`` as a person writes them."""
     texts = {key: f"{entry['value']!r} {entry['unit']}" for key, entry in entries.items()}
@@ -62,28 +57,19 @@ def parameter_of(name: str) -> str:
     return known[name].parameter if name in known else name
 
 
-def instead(key: str) -> str | None:
-    """What to write where a mechanism is meant that has no such name."""
-    return next((law.meant[key] for law in registry().values() if key in law.meant), None)
-
-
-def unknown(key: str, raw: object, model: Model) -> BadInput:
-    """The error for a name that this model does not have: where it belongs, or which was meant."""
+def meant(key: str, model: Model) -> str:
+    """What would be right for a name that this model does not have: where it belongs, or the nearest."""
     target = parameter_of(key)
-    if text := instead(key):
-        expected = text
-    elif target == MODULUS and model.derives_modulus:
+    if text := next((law.meant[key] for law in registry().values() if key in law.meant), ""):
+        return text
+    if target == MODULUS and model.derives_modulus:
         laws = [law for law in model.laws("bulk") if not isinstance(law, Volumetric) and law.parameters]
         own = "; ".join(f"{', '.join(q.name for q in law.parameters)} of {law.name}" for law in laws)
-        expected = f"{own}: in this model {MODULUS} is the shear modulus at small strain that they come to"
-    elif target not in model.parameters() and (who := owners(target)):
-        expected = (
-            f"a parameter of this model ({', '.join(model.mechanisms)}); add the mechanism"
-            f" {' or '.join(who)} that has it"
-        )
-    else:
-        expected = one_of(key, [*settable(model), *KEYS])
-    return BadInput(key=key, value=brief(raw), expected=expected)
+        return f"{own}: in this model {MODULUS} is the shear modulus at small strain that they come to"
+    if target not in model.parameters() and (laws_ := " or ".join(owners(target))):
+        here = ", ".join(model.mechanisms)
+        return f"a parameter of this model ({here}); add the mechanism {laws_} that has it"
+    return one_of(key, [*settable(model), *KEYS])
 
 
 def parse_values(raw: Mapping[str, object], model: Model) -> tuple[dict[str, float], dict[str, float]]:
@@ -91,22 +77,37 @@ def parse_values(raw: Mapping[str, object], model: Model) -> tuple[dict[str, flo
 
     Two names that set the same parameter are refused.
     """
-    known, there = model.parameters(), model.settable_groups()
+    known, by_group = model.parameters(), model.settable_groups()
     values: dict[str, float] = {}
-    chosen: dict[str, float] = {}
+    asked: dict[str, float] = {}
     setter: dict[str, str] = {}
     for key, text in raw.items():
         if key in known:
             target, values[key] = key, known[key].parse(text, key=key)
-        elif key in there:
-            target, chosen[key] = there[key].parameter, there[key].quantity.parse(text, key=key)
+        elif key in by_group:
+            target, asked[key] = by_group[key].parameter, by_group[key].quantity.parse(text, key=key)
         else:
-            raise unknown(key, text, model)
-        if target in setter:
-            expected = f"either '{setter[target]}' or '{key}', not both: each sets {target}"
-            raise BadInput(key=key, value=brief(text), expected=expected)
-        setter[target] = key
-    return values, chosen
+            raise BadInput(key, text, meant(key, model))
+        other = setter.setdefault(target, key)
+        require(other == key, key, text, f"either '{other}' or '{key}', not both: each sets {target}")
+    return values, asked
+
+
+def section_changes(
+    file: TomlFile, sections: Mapping[str, Mapping[str, object]], model: Model
+) -> tuple[dict[str, object], dict[str, str]]:
+    """What the sections of a file set, as ``Case.set`` takes it, and the section of each. Raises BadInput for
+    a key that is not in its own."""
+    own = {key: section_of(key) for key in settable(model)} | dict.fromkeys(KEYS, "numerics")
+    own |= {"motion": "protocol", "until": "protocol", "outline": "blade"}
+    right = {key: f"it in the section [{section}]" for key, section in own.items()}
+    changes: dict[str, object] = {}
+    for section, part in sections.items():
+        entries = [Entry(key, object) for key, place in own.items() if place == section]
+        with file.at(section):
+            read_section(part, entries, instead=lambda key: right.get(key) or meant(key, model))
+        changes |= part
+    return changes, {key: own[key] for key in changes}
 
 
 def parse_overrides(texts: Iterable[str]) -> dict[str, object]:
@@ -130,10 +131,8 @@ def parse_overrides(texts: Iterable[str]) -> dict[str, object]:
     changes: dict[str, object] = {}
     for text in [texts] if isinstance(texts, str) else texts:
         key, sign, raw = (part.strip() for part in text.partition("="))
-        if not (key and sign and raw):
-            raise BadInput(key="--set", value=text, expected="name=value, such as --set eta_reg='0.5 s'")
-        if key in changes:
-            raise BadInput(key=key, value=raw, expected=f"to be set once; it is also set to '{changes[key]}'")
+        require(key and sign and raw, "--set", text, "name=value, such as --set eta_reg='0.5 s'")
+        require(key not in changes, key, raw, f"to be set once; it is also set to '{changes.get(key)}'")
         changes[key] = raw
     return changes
 
@@ -152,11 +151,10 @@ def resolve(start: Mapping[str, float], changes: Mapping[str, object], model: Mo
         values.pop("depth")  # the blade went as far as it does by default: it still does
     values |= parsed
     values = {n: q.default * q.factor for n, q in known.items() if q.default is not None} | values
-    set_too = {parameter_of(name) for name in asked}
+    set_too = values.keys() | {parameter_of(name) for name in asked}
     for name, value in asked.items():
         for need in _needed(groups()[name], model):
-            if need not in values and need not in set_too:
-                raise BadInput(key=name, value=value, expected=f"{need} beside it, from which it is solved")
+            require(need in set_too, name, value, f"{need} beside it, from which it is solved")
     return apply_groups(values, asked, model)
 
 
@@ -168,62 +166,44 @@ def _needed(group: Group, model: Model) -> tuple[str, ...]:
     return (*bulk, *(name for name in group.needs if name != MODULUS))
 
 
-def completed(given: Mapping[str, float], model: Model) -> dict[str, float]:
-    """All values of ``model``, checked one by one: ``given`` ones, and defaults. Raises BadInput."""
+def completed(values: Mapping[str, float], model: Model) -> dict[str, float]:
+    """All values of ``model``, checked one by one: those of ``values``, and defaults. Raises BadInput."""
     known = model.parameters()
-    for key, value in given.items():
+    for key in values:
         if key not in known:
-            raise unknown(key, value, model)
+            raise BadInput(key, values[key], meant(key, model))
     full: dict[str, float] = {}
     for name, q in known.items():
-        if name in given:
-            value = float(given[name])
+        if name in values:
+            value = float(values[name])
         elif q.default is not None:
             value = q.default * q.factor
         elif name == "depth":
             value = full_depth(full)
         else:
             users = [m.name for m in model.all if name in (*m.reads, *(o.name for o in m.parameters))]
-            expected = (
-                f"a value in [{section_of(name)}], such as {name} = '{q.typical:g} {q.unit}'"
-                f" ({q.doc}; needed by {', '.join(users)})"
-            )
-            raise BadInput(key=name, value="(missing)", expected=expected)
+            example = f"{name} = '{q.typical:g} {q.unit}' ({q.doc}; needed by {', '.join(users)})"
+            raise BadInput(name, "(missing)", f"a value in [{section_of(name)}], such as {example}")
         q.check(rounded(value / q.factor, 15))
         # Fourteen digits, so that a value is the same number in whatever unit it was written.
         full[name] = rounded(value, 14)
     return full
 
 
-def misplaced(key: str, section: str, model: Model) -> str | None:
-    """The section ``key`` belongs to if that is not ``section``; None for unknown names too."""
-    if key in KEYS:
-        right = "numerics"
-    elif key in ("motion", "until"):
-        right = "protocol"
-    elif key in settable(model):
-        right = section_of(key)
-    else:
-        return None
-    return None if right == section else right
-
-
-def section_hint(key: str, sections: Iterable[str]) -> str:
-    """What to write instead of the top-level ``key`` of a case file."""
-    if key in KEYS:
-        return f"it in the section [numerics], '{key}' is not a section"
+def section_hint(key: str) -> str | None:
+    """What to write instead of a ``key`` that stands above the sections of a case file and is in one."""
     physics = [q.name for q in SPECIMEN + PROTOCOL] + list(groups())
-    if key in physics or owners(key):
-        return f"it in the section [{section_of(key)}], '{key}' is not a section"
-    return one_of(key, sections)
+    if key not in KEYS and key not in physics and not owners(key):
+        return None
+    section = "numerics" if key in KEYS else section_of(key)
+    return f"it in the section [{section}], '{key}' is not a section"
 
 
-def names(key: str, raw: object) -> tuple[str, ...]:
+def names(raw: object, *, key: str) -> tuple[str, ...]:
     """One name, several separated by commas, or a list of names."""
     parts = raw.split(",") if isinstance(raw, str) else raw
     if not isinstance(parts, (list, tuple)) or not parts or not all(isinstance(n, str) for n in parts):
-        expected = 'names of mechanisms, such as ["coulomb", "adhesion"]'
-        raise BadInput(key=key, value=brief(raw), expected=expected)
+        raise BadInput(key, raw, 'names of mechanisms, such as ["coulomb", "adhesion"]')
     return tuple(n.strip() for n in parts)
 
 
@@ -243,13 +223,12 @@ def full_depth(v: Mapping[str, float]) -> float:
 
 def check_driven(model: Model) -> None:
     """Raise BadInput for a cut in which nothing meets the blade: it would move and nothing would happen."""
-    if model.tool is None:
-        laws = [law.name for law in tools()]
-        raise BadInput(
-            key="mechanisms", value=", ".join(model.mechanisms),
-            expected=f"a law by which the blade meets the specimen, {' or '.join(laws)}: without one nothing"
-            " drives the cut, and friction and adhesion have no surface",
-        )  # fmt: skip
+    laws = " or ".join(law.name for law in tools())
+    expected = (
+        f"a law by which the blade meets the specimen, {laws}: without one nothing drives the cut, and"
+        " friction and adhesion have no surface"
+    )
+    require(model.tool, "mechanisms", ", ".join(model.mechanisms), expected)
 
 
 def check_fit(p: SimpleNamespace, numerics: Numerics, dim: int, model: Model) -> None:
@@ -257,24 +236,30 @@ def check_fit(p: SimpleNamespace, numerics: Numerics, dim: int, model: Model) ->
 
     Without a blade the specimen is a strip, which may be pulled further than it is high.
     """
-    for key, value, expected in _misfits(vars(p), numerics, dim, bool(model.laws("blade"))):
-        raise BadInput(key=key, value=value, expected=expected)
-    if model.derives_modulus and not getattr(p, MODULUS) > 0:
-        key = next(law.name for law in model.laws("bulk") if not isinstance(law, Volumetric))
-        expected = "values with which it resists shear; a law with a state answers shear_modulus(p) itself"
-        raise BadInput(key=key, value=f"a shear modulus of {getattr(p, MODULUS):g} MPa", expected=expected)
-    if p.precut and not any(law.role == "cohesive" for law in model.laws("cut")):
-        expected = "0 mm in a model without a cohesive law: its cut plane never opens"
-        raise BadInput(key="precut", value=f"{p.precut:g} mm", expected=expected)
-    if model.tool is not None:
-        for key, value, expected in _misshapen(model.tool, p, numerics):
-            raise BadInput(key=key, value=value, expected=expected)
+    for key, value, expected in _misfits(p, numerics, dim, model):
+        raise BadInput(key, value, expected)
 
 
 def _misfits(
-    v: Mapping[str, float], numerics: Numerics, dim: int, blade: bool
+    p: SimpleNamespace, numerics: Numerics, dim: int, model: Model
 ) -> Iterator[tuple[str, str, str]]:
     """The key of what does not fit, its value, and what would be right."""
+    yield from _mismatched(vars(p), numerics, dim, bool(model.laws("blade")))
+    if model.derives_modulus and not getattr(p, MODULUS) > 0:
+        key = next(law.name for law in model.laws("bulk") if not isinstance(law, Volumetric))
+        expected = "values with which it resists shear; a law with a state answers shear_modulus(p) itself"
+        yield key, f"a shear modulus of {getattr(p, MODULUS):g} MPa", expected
+    if p.precut and not any(law.role == "cohesive" for law in model.laws("cut")):
+        expected = "0 mm in a model without a cohesive law: its cut plane never opens"
+        yield "precut", f"{p.precut:g} mm", expected
+    if model.tool is not None:
+        yield from _misshapen(model.tool, p, numerics)
+
+
+def _mismatched(
+    v: Mapping[str, float], numerics: Numerics, dim: int, blade: bool
+) -> Iterator[tuple[str, str, str]]:
+    """The same of lengths and angles against one another."""
     most = v["height"] * (1.0 if blade else 1.5)
     if v["depth"] > most:
         why = "the height: below it is the clamp" if blade else "1.5 times the height"
@@ -340,32 +325,30 @@ def _misshapen(tool: Tool, p: SimpleNamespace, numerics: Numerics) -> Iterator[t
 
 def doubts(
     p: SimpleNamespace, tool: Tool | None, numerics: Numerics, sizes: Sizes, wanted: float
-) -> tuple[str, ...]:
+) -> Iterator[str]:
     """What can be computed, but says more of the elements or the contact than of the cut; sentences for a
     person. ``wanted``: the finest length that the cut asks for, mm."""
     if tool is None or numerics.normal != "tool" or numerics.mesh is not None:
-        return ()
+        return
     thickness, radius = p.thickness, tool.edge_radius(p)
     h = sizes.h_mm
     shallow = h * chosen(numerics.shallow, h, thickness, numerics.tuning.mesh.shallow)
     under = min(under_tip(numerics, thickness, radius), shallow)
-    found = []
     if under > radius * (1 + 1e-12):
-        found.append(
+        yield (
             f"elements under the tip ({under:.3g} mm) are larger than it is round ({radius:.3g} mm):"
             " along the tool's normal it pushes them down and cuts too late;"
             f" corner = {_below(radius / h):g} or normal = 'material' would do"
         )
     if sizes.penalty_per_mm * radius < STIFF_AT_EDGE / 2:
-        found.append(
+        yield (
             f"the contact (penalty = {sizes.penalty_per_mm * sizes.detail_mm:g}) gives way by much of the"
             f" edge's radius ({radius:.3g} mm), as if that were sharper: the cut begins too early;"
             f" penalty = {STIFF_AT_EDGE * sizes.detail_mm / radius:.0f} would do"
         )
     if sizes.detail_mm > COARSE_DETAIL * wanted:
-        found.append(
+        yield (
             f"elements at the front are made for details of {sizes.detail_mm:.3g} mm, and the edge or the"
             f" cohesive zone asks for {wanted:.3g} mm: the front may jump from element to element;"
             f" detail = '{_below(wanted):g} mm' would do, at a price"
         )
-    return tuple(found)

@@ -65,11 +65,10 @@ def material(source: str | Path) -> RenderableType:
         _table("name", "symbol", "value", "what", rows=rows, title=case.name),
         _table("group", "value", rows=groups),
     ]
-    if about.get("corrections"):
-        keys = ("quantity", "printed", "read", "why")
-        read = [[row.get(key, "") for key in keys] for row in about["corrections"]]
+    if about["corrections"]:
+        read = [list(row.values()) for row in about["corrections"]]
         parts.append(_table("quantity", "printed", "read as", "why", rows=read, title="corrections"))
-    parts += [Text(f"{key}: {about[key]}") for key in ("note", "source", "doi") if key in about]
+    parts += [Text(f"{key}: {about[key]}") for key in ("note", "source", "doi") if about[key]]
     parts.append(Text(f"model: {case.model.described}"))
     return Stack(*parts)
 

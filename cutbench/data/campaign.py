@@ -12,13 +12,14 @@ from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from pathlib import Path
 from types import MappingProxyType
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
 from cutbench.base.display import Displayed
-from cutbench.base.errors import BadInput
-from cutbench.base.toml import among, in_short, located, one_of, read_toml, refuse_other, written
+from cutbench.base.errors import BadInput, require
+from cutbench.base.sections import SOME, Entry, read_section
+from cutbench.base.toml import TomlFile, among, read_toml
 from cutbench.base.units import unit_factor
 from cutbench.case.case import Case, load_case
 from cutbench.case.model import SETS, Model, mechanism
@@ -29,7 +30,7 @@ from cutbench.data import plausible
 from cutbench.data.contact import bounds_by
 from cutbench.data.experiment import SLOTS, Experiment
 from cutbench.data.experiment_section import blade_units
-from cutbench.data.read_experiment import errors_at_experiment, read_experiments
+from cutbench.data.read_experiment import read_experiments
 from cutbench.data.repetition import note_on_single_repetition
 from cutbench.mechanisms import Tool, Volumetric, registry
 
@@ -37,7 +38,27 @@ from cutbench.mechanisms import Tool, Volumetric, registry
 MOTION = 120
 #: Speeds within this factor are one.
 EVEN_SPEED = 1.2
-_TOP = ("title", "material", "baseline", "candidates", "parameters", "numerics", "fit", "experiment")
+
+
+def _some_names(raw: object, *, key: str) -> tuple[str, ...]:
+    return () if raw == [] else names(raw, key=key)
+
+
+_BOUNDS = "two values, the lowest and the highest, such as G = ['1 kPa', '900 kPa']"
+_FIT = (
+    *(Entry(key, _some_names) for key in ("free", "fixed", "own")),
+    Entry("bounds", dict, f"of each parameter {_BOUNDS}", default={}),
+)
+_FILE = (
+    Entry("title", str, "a title, such as 'PDMS, three speeds'"),
+    Entry("material", str, "a known name or a TOML file"),
+    Entry("baseline", names),
+    Entry("candidates", _some_names, default="all"),
+    Entry("parameters", dict, default={}),
+    Entry("numerics", dict, default={}),
+    Entry("fit", _FIT, default=read_section({}, _FIT)),
+    Entry("experiment", dict, "one or more, each opened with [[experiment]]", needed=True, count=SOME),
+)
 
 
 @dataclass(frozen=True)
@@ -68,8 +89,8 @@ class FitPlan:
 
     def __post_init__(self) -> None:
         for name in self.fixed:
-            if name in (*(self.free or ()), *self.own):
-                raise BadInput(key="fixed", value=name, expected="a parameter that is not free")
+            fitted = name in (*(self.free or ()), *self.own)
+            require(not fitted, "fixed", name, "a parameter that is not free")
         object.__setattr__(self, "bounds", MappingProxyType(dict(self.bounds)))
 
     def __reduce__(self):
@@ -136,15 +157,12 @@ class Campaign(Displayed):
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "experiments", tuple(self.experiments))
-        if not self.experiments:
-            raise BadInput(key="experiment", value="(missing)", expected="one experiment or more")
+        require(self.experiments, "experiment", "(missing)", "one experiment or more")
         for id, count in Counter(e.id for e in self.experiments).items():
-            if count > 1:
-                raise BadInput(key="id", value=id, expected="each id once")
+            require(count == 1, "id", id, "each id once")
         for e in self.experiments:
             _check(e, self.base)
-        if not self.train:
-            raise BadInput(key="role", value="test in all", expected="one experiment or more of role 'train'")
+        require(self.train, "role", "test in all", "one experiment or more of role 'train'")
 
     @property
     def model(self) -> Model:
@@ -179,10 +197,9 @@ class Campaign(Displayed):
         BadInput
             If there is none; it names the nearest.
         """
-        for e in self.experiments:
-            if e.id == id:
-                return e
-        raise BadInput(key="experiment", value=id, expected=one_of(id, [e.id for e in self.experiments]))
+        by_id = {e.id: e for e in self.experiments}
+        among("experiment", id, by_id)
+        return by_id[id]
 
     def case(self, experiment: Experiment | str, base: Case | None = None) -> Case:
         """Make the case that computes a ``cut`` test.
@@ -261,11 +278,7 @@ def measured_motion(experiment: Experiment) -> Polyline:
     travel = np.clip(grid.x, 0.0, experiment.reach)
     first = lead_s(experiment)
     points = [(first + float(t), float(d)) for t, d in zip(grid.time_s - grid.time_s[0], travel, strict=True)]
-    if first == 0:
-        points[0] = (0.0, 0.0)
-    else:
-        points.insert(0, (0.0, 0.0))
-    return simplified(tuple(points))
+    return simplified(((0.0, 0.0), *(points if first else points[1:])))
 
 
 def lead_s(experiment: Experiment) -> float:
@@ -277,10 +290,10 @@ def lead_s(experiment: Experiment) -> float:
 def _sizes(experiment: Experiment) -> dict[str, str]:
     """Specimen, blade and depth of a cut as ``Case.set`` takes them."""
     sizes = {**experiment.specimen, **experiment.blade, "depth": experiment.reach}
-    units = {name: blade_units().get(name, "mm") for name in sizes}
+    units = dict.fromkeys(sizes, "mm") | blade_units()
     return {
-        name: f"{float(value) / unit_factor(unit)!r} {unit}".removesuffix(" 1")
-        for (name, value), unit in zip(sizes.items(), units.values(), strict=True)
+        name: f"{float(value) / unit_factor(units[name])!r} {units[name]}".removesuffix(" 1")
+        for name, value in sizes.items()
     }
 
 
@@ -330,18 +343,17 @@ def start_case(
         baseline = ("default",) if own is None else tuple(m.name for m in own.model.all if m.slot in seen)
     listed = (baseline,) if isinstance(baseline, str) else tuple(baseline)
     if len(listed) == 1 and listed[0] in SETS:
-        model = Model(tuple(m for m in SETS[listed[0]] if registry()[m].slot in seen))
-    else:
-        for each in listed:
-            mechanism(each, key="baseline")
-        try:
-            model = Model(listed)
-        except BadInput as error:
-            raise BadInput(key="baseline", value=error.value, expected=error.expected) from error
-        if not any(isinstance(m, Volumetric) for m in model.laws("bulk")):
-            added = next(n for n in SETS["default"] if isinstance(registry()[n], Volumetric))
-            model = model.with_(added)
-            notes += (f"'{added}' added to the baseline: it has no law for volume change",)
+        listed = tuple(m for m in SETS[listed[0]] if registry()[m].slot in seen)
+    for each in listed:
+        mechanism(each, key="baseline")
+    try:
+        model = Model(listed)
+    except BadInput as error:
+        raise BadInput("baseline", error.value, error.expected) from error
+    if not any(isinstance(m, Volumetric) for m in model.laws("bulk")):
+        added = next(n for n in SETS["default"] if isinstance(registry()[n], Volumetric))
+        model = model.with_(added)
+        notes += (f"'{added}' added to the baseline: it has no law for volume change",)
     if own is not None and material is not None:
         case = load_case(material, {"mechanisms": model.mechanisms, **(parameters or {})})
         if unused := own.values.keys() & blade_units().keys() - case.values.keys() if "blade" in seen else ():
@@ -387,50 +399,37 @@ def load_campaign(path: str | Path) -> Campaign:
     >>> [experiment.kind for experiment in campaign.experiments]
     ['uniaxial', 'pure_shear', 'equibiaxial']
     """
-    path = Path(path)
-    table, text = read_toml(path)
-    refuse_other(table, path, "experiment")
-    with located(path, text):
-        for key, part in table.items():
-            among(key, key, _TOP, value=in_short(part))
-            if key in ("parameters", "numerics", "fit") and not isinstance(part, dict):
-                raise BadInput(key=key, value=str(part)[:60], expected=f"a section, written [{key}]")
-        title = table.get("title", path.stem)
-        written("title", title, "a title, such as 'PDMS, three speeds'")
-        tables = table.get("experiment")
-        if not isinstance(tables, list) or not tables or not all(isinstance(t, dict) for t in tables):
-            raise BadInput(
-                key="experiment", value="(missing)" if tables is None else "a single table",
-                expected="one or more, each opened with [[experiment]]",
-            )  # fmt: skip
-    numbers: list[int] = []
+    file = read_toml(path, "experiment")
+    with file.at():
+        top = read_section(file.table, _FILE)
+    places: dict[str, int] = {}
     experiments: list[Experiment] = []
-    for number, part in enumerate(tables):
-        with errors_at_experiment(path, text, number):
-            for made in read_experiments(part, path.parent):
-                if made.id in [e.id for e in experiments]:
-                    raise BadInput(key="id", value=made.id, expected="each id once")
-                experiments.append(made)
-                numbers.append(number)
+    for number, part in enumerate(top["experiment"]):
+        with file.at("experiment", number):
+            for experiment in read_experiments(part, file.path.parent):
+                require(experiment.id not in places, "id", experiment.id, "each id once")
+                places[experiment.id] = number
+                experiments.append(experiment)
     for r, expected, noisy in plausible.copies(experiments):
         if noisy:
             raise r.wrong("data", r.name, expected, 0)
     kinds = list(dict.fromkeys(e.kind for e in experiments))
     sizes = next((_sizes(e) for e in experiments if e.kind == "cut"), {})
-    base, notes, material = _start(table, path, text, kinds, sizes)
-    with located(path, text):
-        candidates = _candidates(table, base.model, kinds)
-    with located(path, text, "fit"):
+    base, notes, material = _start(file, top, kinds, sizes)
+    with file.at():
+        candidates = _candidates(top["candidates"], base.model, kinds)
+    with file.at("fit"):
         felt = (e for e in experiments if "rig" in SLOTS[e.kind] and e.mounted and e.curve)
         bounds = bounds_by([r for e in felt for r in e.repetitions])
-        plan = _plan(table.get("fit", {}), base.model, candidates, bounds)
-    for number, made in zip(numbers, experiments, strict=True):
-        with errors_at_experiment(path, text, number):
-            _check(made, base)
+        plan = _plan(top["fit"], base.model, candidates, bounds)
+    for experiment in experiments:
+        with file.at("experiment", places[experiment.id]):
+            _check(experiment, base)
     cuts = (cut_case(e, base) for e in experiments if e.kind == "cut")
     notes += tuple(dict.fromkeys(sentence for cut in cuts for sentence in cut.doubts))
-    with located(path, text):
-        return Campaign(title, base, tuple(experiments), candidates, plan, path, notes, material)
+    title = top["title"] or file.path.stem
+    with file.at():
+        return Campaign(title, base, tuple(experiments), candidates, plan, file.path, notes, material)
 
 
 def _check(experiment: Experiment, base: Case) -> None:
@@ -443,77 +442,57 @@ def _check(experiment: Experiment, base: Case) -> None:
             expected = (
                 f"a size of the baseline's blade, '{tool}'; a baseline with {' or '.join(others)} has it"
             )
-            raise BadInput(key=f"blade.{name}", value=f"{experiment.blade[name]:g}", expected=expected)
+            raise BadInput(f"blade.{name}", f"{experiment.blade[name]:g}", expected)
         cut_case(experiment, base)
 
 
 def _start(
-    table: Mapping, path: Path, text: str, kinds: list[str], sizes: Mapping[str, str]
+    file: TomlFile, top: Mapping[str, Any], kinds: list[str], sizes: Mapping[str, str]
 ) -> tuple[Case, tuple[str, ...], str | Path | None]:
-    """The start case, each of whose faults is found where it is written, notes, and the material's name or
+    """The start case, each of whose faults is placed where it is written, notes, and the material's name or
     file; ``sizes`` are those of a cut."""
-    parameters, numerics = table.get("parameters", {}), table.get("numerics", {})
-    with located(path, text):
-        baseline = names("baseline", table["baseline"]) if "baseline" in table else None
-        material = table.get("material")
-        if material is not None and not isinstance(material, str):
-            raise BadInput(key="material", value=str(material)[:60], expected="a known name or a TOML file")
-        if material is None and not parameters:
-            wanted = "a known name or a file with start values, or a section [parameters]"
-            raise BadInput(key="material", value="(missing)", expected=wanted)
-    for section, part in (("parameters", parameters), ("numerics", numerics)):
-        with located(path, text, section):
-            for key, raw in part.items():
-                if (key in KEYS) != (section == "numerics"):
-                    expected = f"it in [numerics], not in [{section}]" if key in KEYS else one_of(key, KEYS)
-                    raise BadInput(key=key, value=str(raw)[:60], expected=expected)
-    near = path.parent / (material or "")
-    source = near if near.is_file() else material
-    with located(path, text, "parameters"):
+    wanted = "a known name or a file with start values, or a section [parameters]"
+    with file.at():
+        require(top["material"] or top["parameters"], "material", "(missing)", wanted)
+    for key, raw in top["parameters"].items():
+        with file.at("parameters"):
+            require(key not in KEYS, key, raw, "it in [numerics], not in [parameters]")
+    with file.at("numerics"):
+        read_section(top["numerics"], [Entry(key, object) for key in KEYS])
+    source = top["material"] and file.beside(top["material"])
+    parameters, name = top["parameters"], file.path.stem
+    with file.at("parameters"):
         case, notes = start_case(
-            source, baseline=baseline, kinds=kinds, parameters=parameters, name=path.stem
+            source, baseline=top["baseline"], kinds=kinds, parameters=parameters, name=name
         )
-    with located(path, text, "numerics"):
+    with file.at("numerics"):
         known = case.model.parameters()
-        return case.set(**{k: v for k, v in sizes.items() if k in known}, **numerics), notes, source
+        sizes = {k: v for k, v in sizes.items() if k in known}
+        return case.set(**sizes, **top["numerics"]), notes, source
 
 
-def _candidates(table: Mapping, baseline: Model, kinds: list[str]) -> tuple[str, ...]:
-    raw = table.get("candidates", "all")
-    if raw == "all":
+def _candidates(listed: str | tuple[str, ...], baseline: Model, kinds: Iterable[str]) -> tuple[str, ...]:
+    if listed in ("all", ("all",)):
         return all_candidates(baseline, kinds)
-    listed = () if raw == [] else names("candidates", raw)
     for name in listed:
         mechanism(name, key="candidates")
-        if name in baseline.mechanisms:
-            raise BadInput(key="candidates", value=name, expected="a mechanism that is not in the baseline")
-        if listed.count(name) > 1:
-            raise BadInput(key="candidates", value=name, expected="each candidate once")
-    return listed
+        other = name not in baseline.mechanisms
+        require(other, "candidates", name, "a mechanism that is not in the baseline")
+        require(listed.count(name) == 1, "candidates", name, "each candidate once")
+    return tuple(listed)
 
 
-def _plan(part: Mapping, baseline: Model, candidates: tuple[str, ...], found: Mapping) -> FitPlan:
-    """The section [fit]: free, fixed, own (lists of parameters), bounds (low, high with units); ``found``
-    are bounds that hold where none are written."""
+def _plan(part: Mapping[str, Any], baseline: Model, candidates: tuple[str, ...], usual: Mapping) -> FitPlan:
+    """What the section [fit] says: free, fixed, own (lists of parameters), bounds (low, high with units);
+    ``usual`` are bounds that hold where none are written."""
     offered = {q.name: q for name in reversed(candidates) for q in registry()[name].parameters}
     known = offered | baseline.parameters()
-    lists: dict[str, tuple[str, ...]] = {}
-    for key, raw in part.items():
-        among(key, key, ("free", "fixed", "own", "bounds"), value=str(raw)[:60])
-        if key == "bounds" and not isinstance(raw, dict):
-            raise BadInput(key=key, value=str(raw)[:60], expected="bounds = { G = ['1 kPa', '900 kPa'] }")
-        listed = tuple(raw) if key == "bounds" or raw == [] else names(key, raw)
-        for name in listed:
+    for key, listed in part.items():
+        for name in listed or ():
             among(key, name, known)
-        if key != "bounds":
-            lists[key] = listed
-    bounds = {name: pair for name, pair in found.items() if name in known}
-    for name, pair in part.get("bounds", {}).items():
-        if not isinstance(pair, list) or len(pair) != 2:
-            raise BadInput(key=name, value=str(pair)[:60], expected="two values, the lowest and the highest")
-        low, high = (known[name].parse(raw, key=name) for raw in pair)
-        if not low < high:
-            expected = "the lowest value first, and below the highest"
-            raise BadInput(key=name, value=str(pair), expected=expected)
-        bounds[name] = (low, high)
-    return FitPlan(lists.get("free"), lists.get("fixed", ()), lists.get("own", ()), bounds)
+    bounds = {name: pair for name, pair in usual.items() if name in known}
+    for name, raw in part["bounds"].items():
+        low, high = Entry(name, known[name], _BOUNDS, count=(2, 2)).read(raw)
+        require(low < high, name, raw, "the lowest value first, and below the highest")
+        bounds[name] = (low * known[name].factor, high * known[name].factor)
+    return FitPlan(part["free"], part["fixed"] or (), part["own"] or (), bounds)

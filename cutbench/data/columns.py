@@ -18,8 +18,8 @@ from pathlib import Path
 
 import numpy as np
 
-from cutbench.base.errors import BadInput
-from cutbench.base.toml import in_short, nearest
+from cutbench.base.errors import BadInput, require
+from cutbench.base.toml import nearest
 from cutbench.base.unit_spelling import COMMON, exactly, is_unit, size_of
 from cutbench.run.read_off import READ_OFF
 
@@ -36,20 +36,6 @@ _CLOCK = re.compile(
     r"(?:(\d[\d./-]*\d)(?:[T,]\s*|\s+))?(\d+):(\d\d)(?::(\d\d))?([.,:]\d+)?\s*([ap]\.?m\.?)?(?:Z|[+-]\d\d:\d\d)?",
     re.IGNORECASE,
 )
-
-
-def require(
-    holds: object,
-    key: str,
-    value: object,
-    expected: str,
-    file: Path | str | None = None,
-    line: int | None = None,
-) -> None:
-    """Raise BadInput unless this ``holds``; of a long ``value`` a message shows the beginning."""
-    if not holds:
-        text = str(value) if isinstance(value, Path) else in_short(value)
-        raise BadInput(key, text, expected, file=None if file is None else str(file), line=line)
 
 
 def lines_of(path: Path) -> list[str]:

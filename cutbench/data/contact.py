@@ -17,9 +17,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cutbench.base.errors import BadInput
+from cutbench.base.errors import BadInput, require
 from cutbench.base.units import parse_quantity
-from cutbench.data.columns import require
 from cutbench.data.covariance import roughness
 from cutbench.data.experiment_section import parse_either
 from cutbench.data.repetition import JITTER, Repetition

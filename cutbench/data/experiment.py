@@ -16,9 +16,9 @@ from typing import ClassVar
 
 import numpy as np
 
+from cutbench.base.errors import require
 from cutbench.base.toml import among, written
 from cutbench.data import plausible
-from cutbench.data.columns import require
 from cutbench.data.covariance import roughness, sawtooth_variance, scatter_covariance
 from cutbench.data.fields import Field
 from cutbench.data.repetition import (

@@ -9,10 +9,10 @@ from contextlib import suppress
 
 import numpy as np
 
-from cutbench.base.errors import BadInput
-from cutbench.base.toml import among, in_short, one_of, written
+from cutbench.base.errors import BadInput, require
+from cutbench.base.toml import among, one_of, written
 from cutbench.base.units import parse_quantity, unit_factor
-from cutbench.data.columns import LABEL, UNITS, Column, did_you_mean, require
+from cutbench.data.columns import LABEL, UNITS, Column, did_you_mean
 from cutbench.data.experiment import HOMOGENEOUS, KINDS, area_of
 from cutbench.mechanisms import Tool, registry
 
@@ -81,7 +81,7 @@ def kind_of(table: Mapping[str, object]) -> str:
     for key in (key for key in table if key not in known):
         owners = [k for k, keys in _EXTRA.items() if key in keys]
         expected = f"it in a test of kind {' or '.join(owners)}, not {kind}" if owners else one_of(key, known)
-        raise BadInput(key, in_short(table[key]), expected)
+        raise BadInput(key, table[key], expected)
     return kind
 
 
@@ -104,7 +104,7 @@ def section_of(table: Mapping, key: str) -> dict:
 def choice(table: Mapping, key: str, known: Sequence[str], default: str) -> str:
     """One of the ``known``; the ``default``, where nothing is written."""
     if key in table:
-        among(key, table[key], known, value=in_short(table[key]))
+        among(key, table[key], known)
     return str(table.get(key, default))
 
 
@@ -125,7 +125,7 @@ def columns_of(table: Mapping, kind: str) -> dict[str, Column | list[Column]]:
     columns: dict[str, Column | list[Column]] = {}
     for key, raw in section.items():
         role = _ALIASES.get(key, key) if kind not in ("cut", *HOMOGENEOUS) else key
-        among(f"columns.{key}", role, known, value=in_short(raw))
+        among(f"columns.{key}", role, known, value=raw)
         each = raw if key in lists and role != LABEL else [raw]
         good = each and all(c.strip() if isinstance(c, str) else type(c) is int and c >= 1 for c in each)
         require(good, f"columns.{key}", raw, "the column's name in the header, or its number from 1")
@@ -149,7 +149,7 @@ def _by_role(table: Mapping, section: str, columns: Mapping) -> Iterator[tuple[s
     known = [name for name in columns if name != LABEL]
     for name, raw in section_of(table, section).items():
         role = _ALIASES[name] if _ALIASES.get(name) in columns else name
-        among(f"{section}.{name}", role, known, value=in_short(raw))
+        among(f"{section}.{name}", role, known, value=raw)
         yield f"{section}.{name}", role, raw
 
 
@@ -157,7 +157,7 @@ def units_of(table: Mapping, columns: Mapping) -> dict[str, str]:
     """The units of columns by role, where they are written."""
     expected = "a unit in quotes, such as '{}'"
     return {
-        role: written(key, raw, expected.format(UNITS[role]), value=in_short(raw))
+        role: written(key, raw, expected.format(UNITS[role]))
         for key, role, raw in _by_role(table, "units", columns)
     }
 
@@ -196,7 +196,7 @@ def written_sizes(table: Mapping, key: str, known: Collection[str], several: boo
     sizes: dict[str, Size] = {}
     for name, raw in section_of(table, key).items():
         full, unit = f"{key}.{name}", "mm^2" if name == "area" else blade_units().get(name, "mm")
-        among(full, name, known, value=in_short(raw))
+        among(full, name, known, value=raw)
         one = not isinstance(raw, (dict, list))
         expected = f"one value, such as '… {unit}'" + ", as one body is computed for all" * (not several)
         require(one or (several and raw), full, raw, expected)
@@ -234,7 +234,7 @@ def by_repetition(key: str, raw: object, names: Sequence[str]) -> dict[str, obje
         expected = f"a value for each repetition; none is given for {lacking}"
         require(not lacking, key, ", ".join(map(str, raw)), expected)
         for name, one in raw.items():
-            among(f"{key}.{name}", name, names, value=in_short(one))
+            among(f"{key}.{name}", name, names, value=one)
         return {name: raw[name] for name in names}
     if isinstance(raw, list):
         expected = f"a value for each of the {len(names)} repetitions: {', '.join(names[:12])}"

@@ -18,7 +18,7 @@ from operator import attrgetter
 import numpy as np
 import skfem
 
-from cutbench.base.errors import BadInput
+from cutbench.base.errors import require
 from cutbench.data.fields import Field
 from cutbench.run.result import SLOPE, Snapshot
 
@@ -73,7 +73,7 @@ class Comparison:
             Points compared, and by component the scale and the root mean square of the difference, in mm,
             relative errors, and root mean squares of strain differences.
         """
-        found: dict[str, float] = {
+        numbers: dict[str, float] = {
             "points": float(self.measured.u[0].size),
             "measured": float(np.isfinite(self.measured.u).all(axis=0).sum()),
             "compared": float(self.both.sum()),
@@ -81,15 +81,15 @@ class Comparison:
         for i, name in enumerate(("u_x", "u_y")):
             off = (self.measured.u - self.computed.u)[i][self.both]
             error = self.relative_error[i][self.both]
-            found[f"mean_{name}_mm"], found[f"rms_{name}_mm"] = float(self.scale[i]), _rms(off)
-            found[f"mean_error_{name}"] = float(error.mean())
+            numbers[f"mean_{name}_mm"], numbers[f"rms_{name}_mm"] = float(self.scale[i]), _rms(off)
+            numbers[f"mean_error_{name}"] = float(error.mean())
             for word, percent in (("median", 50), ("p95", 95), ("max", 100)):
-                found[f"{word}_error_{name}"] = float(np.percentile(error, percent))
+                numbers[f"{word}_error_{name}"] = float(np.percentile(error, percent))
         for (i, j), name in (((0, 0), "E_xx"), ((1, 1), "E_yy"), ((0, 1), "E_xy")):
             off = self.strain_error[i, j]
             off = off[np.isfinite(off)]
-            found[f"rms_{name}"] = _rms(off) if off.size else float("nan")
-        return found
+            numbers[f"rms_{name}"] = _rms(off) if off.size else float("nan")
+        return numbers
 
 
 def _rms(off: np.ndarray) -> float:
@@ -113,13 +113,13 @@ def sample(snapshot: Snapshot, field: Field) -> Field:
     Field
         On the same grid, in the same configuration; nan outside the body.
     """
-    weights, element, flip, (_, u, triangles) = _found(snapshot, field)
-    found = np.full(flip.shape, np.nan)
+    weights, element, flip, (_, u, triangles) = _elements_at(snapshot, field)
+    sampled = np.full(flip.shape, np.nan)
     inside = element >= 0
     values = u[triangles[element[inside]]]
-    found[inside] = np.einsum("pa,pai->pi", weights[inside], values) * flip[inside]
+    sampled[inside] = np.einsum("pa,pai->pi", weights[inside], values) * flip[inside]
     return Field(
-        field.x, field.y, found.T.reshape(field.u.shape), snapshot.displacement_mm, field.configuration
+        field.x, field.y, sampled.T.reshape(field.u.shape), snapshot.displacement_mm, field.configuration
     )
 
 
@@ -128,20 +128,20 @@ def sampled_slopes(snapshot: Snapshot, field: Field, names: Sequence[str]) -> np
 
     At a fixed place x the material changes with the parameter too: du = (I − ∂u/∂x) du|_X.
     """
-    weights, element, flip, (points, u, triangles) = _found(snapshot, field)
+    weights, element, flip, (points, u, triangles) = _elements_at(snapshot, field)
     inside = element >= 0
     N, mine = weights[inside], triangles[element[inside]]
     keep = np.broadcast_to(np.eye(2), (len(mine), 2, 2))
     if field.configuration == "deformed":
         keep = keep - gradient((points + u)[mine], N, u[mine])
-    found = np.full((*flip.shape, len(names)), np.nan)
+    sampled = np.full((*flip.shape, len(names)), np.nan)
     for k, name in enumerate(names):
         moved = np.einsum("pa,pai->pi", N, snapshot.point_data[SLOPE + name][mine, :2])
-        found[inside, :, k] = np.einsum("pij,pj->pi", keep, moved) * flip[inside]
-    return np.moveaxis(found, 0, 1).reshape(*field.u.shape, len(names))
+        sampled[inside, :, k] = np.einsum("pij,pj->pi", keep, moved) * flip[inside]
+    return np.moveaxis(sampled, 0, 1).reshape(*field.u.shape, len(names))
 
 
-def _found(snapshot: Snapshot, field: Field):
+def _elements_at(snapshot: Snapshot, field: Field):
     """Of each place of the grid: weights of its element's nodes, the element (−1 outside), the sign (p, 2) by
     which it was mirrored; and the surface that was looked at."""
     points, u, triangles = surface(snapshot)
@@ -214,20 +214,18 @@ def compare(field: Field, snapshot: Snapshot) -> Comparison:
     BadInput
         If no point lies in the body, or travels differ by more than a hundredth of the height.
     """
-    if _apart(snapshot, field.travel_mm):
-        expected = f"the travel of the run's fields, {snapshot.displacement_mm:g} mm"
-        raise BadInput(key="travel", value=f"{field.travel_mm:g} mm", expected=expected)
-    found = Comparison(field, sample(snapshot, field))
-    if not found.both.any():
-        body = snapshot.current if field.configuration == "deformed" else snapshot.points
-        low, high = body.min(axis=0), body.max(axis=0)
-        there = f"x {field.x[0]:.4g} to {field.x[-1]:.4g} mm, y {field.y[0]:.4g} to {field.y[-1]:.4g} mm"
-        expected = (
-            f"points in the body, x up to {high[0]:.4g} mm from the blade's plane and y from"
-            f" {low[1]:.4g} to {high[1]:.4g} mm; shift them, or check the unit"
-        )
-        raise BadInput(key="x, y", value=there, expected=expected)
-    return found
+    expected = f"the travel of the run's fields, {snapshot.displacement_mm:g} mm"
+    require(not _apart(snapshot, field.travel_mm), "travel", f"{field.travel_mm:g} mm", expected)
+    comparison = Comparison(field, sample(snapshot, field))
+    body = snapshot.current if field.configuration == "deformed" else snapshot.points
+    low, high = body.min(axis=0), body.max(axis=0)
+    grid = f"x {field.x[0]:.4g} to {field.x[-1]:.4g} mm, y {field.y[0]:.4g} to {field.y[-1]:.4g} mm"
+    expected = (
+        f"points in the body, x up to {high[0]:.4g} mm from the blade's plane and y from"
+        f" {low[1]:.4g} to {high[1]:.4g} mm; shift them, or check the unit"
+    )
+    require(comparison.both.any(), "x, y", grid, expected)
+    return comparison
 
 
 #: Points looked up at once, against the bounding boxes of all elements.
@@ -248,14 +246,14 @@ def surface(snapshot: Snapshot) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     on_end = points[:, 2] > top - 1e-9 * np.ptp(points[:, 2])
     # meshio's order: corners 0-3, then the middles of 01, 12, 02, 03, 13, 23.
     middles = {(0, 1): 4, (1, 2): 5, (0, 2): 6, (0, 3): 7, (1, 3): 8, (2, 3): 9}
-    found = []
+    outer = []
     for a, b, c in ((0, 1, 2), (0, 1, 3), (0, 2, 3), (1, 2, 3)):
         local = [a, b, c]
         if snapshot.cells.shape[1] == 10:
             local += [middles[a, b], middles[b, c], middles[a, c]]
         faces = snapshot.cells[:, local]
-        found.append(faces[on_end[faces].all(axis=1)])
-    return points[:, :2], u[:, :2], np.concatenate(found)
+        outer.append(faces[on_end[faces].all(axis=1)])
+    return points[:, :2], u[:, :2], np.concatenate(outer)
 
 
 def shape(r: np.ndarray, s: np.ndarray, nodes: int) -> tuple[np.ndarray, np.ndarray]:

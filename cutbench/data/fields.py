@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import cKDTree
 
-from cutbench.base.errors import BadInput
-from cutbench.base.toml import among, in_short, one_of
-from cutbench.base.units import parse_quantity
+from cutbench.base.errors import BadInput, require
+from cutbench.base.sections import Entry, read_section
+from cutbench.base.toml import among
 from cutbench.data.columns import matching_titles
 from cutbench.data.table import read_table
 
@@ -23,16 +23,21 @@ CONFIGURATIONS = ("deformed", "reference")
 _OFF = 0.1
 #: A grid has at least this part of its places filled; scattered points have next to none.
 _FILLED = 0.2
-_KEYS = ("data", "noise", "configuration", "columns", "units", "shift", "y_down", "travel", "valid")
-#: What each of them is, where its value says no more.
-_SORTS: dict[str, tuple[type, str]] = {
-    "data": (str, "a file beside the campaign, such as 'dic.csv'"),
-    "shift": (list, "two lengths, such as ['-15 mm', '0 mm']"),
-    "y_down": (bool, "true or false"),
-    "valid": (str, "what holds of points that were measured, as in 'sigma >= 0'"),
-    "columns": (dict, "a table, such as columns = { … }"),
-    "units": (dict, "a table, such as units = { … }"),
-}
+_SECTION = (
+    Entry("data", str, "a file beside the campaign, such as 'dic.csv'", needed=True),
+    Entry(
+        "noise", float, "what a displacement is known to, such as '0.01 mm'", needed=True, unit="mm", low=0
+    ),
+    Entry("configuration", choices=CONFIGURATIONS),
+    Entry("columns", dict, "a table, such as columns = { … }"),
+    Entry("units", dict, "a table, such as units = { … }"),
+    Entry(
+        "shift", float, "two lengths, such as ['-15 mm', '0 mm']", default=(0.0, 0.0), unit="mm", count=(2, 2)
+    ),
+    Entry("y_down", bool, "true or false", default=False),
+    Entry("travel", float, default=math.nan, unit="mm"),
+    Entry("valid", str, "what holds of points that were measured, as in 'sigma >= 0'"),
+)
 #: Columns in which correlation programs say whether a point was found, and what they have where it was: VIC
 #: and DICe write -1 where not, others 0 or nothing.
 VALID = {
@@ -91,8 +96,8 @@ class Field:
 
     def __post_init__(self) -> None:
         among("configuration", self.configuration, CONFIGURATIONS)
-        if self.u.shape != (2, self.y.size, self.x.size):
-            raise BadInput(key="u", value=str(self.u.shape), expected=f"(2, {self.y.size}, {self.x.size})")
+        shape = (2, self.y.size, self.x.size)
+        require(self.u.shape == shape, "u", str(self.u.shape), str(shape))
 
     @property
     def grid(self) -> np.ndarray:
@@ -180,19 +185,16 @@ def read_fields(
             lost = ~_SIGNS[rule[1]](data["valid"], rule[2])
         notes += _left_out(path, table.lines[lost], f"{rule[0]} is not {rule[1]} {rule[2]:g}")
     for role in ("x", "y", "travel"):
-        if role in data and (blank := ~np.isfinite(data[role]) & ~lost).any():
-            line, expected = (
-                int(table.lines[np.argmax(blank)]),
-                f"the {role} of every point; the cell is empty",
-            )
-            raise BadInput(file=str(path), line=line, key=role, value="", expected=expected)
+        if role in data:
+            blank = ~np.isfinite(data[role]) & ~lost
+            line, expected = table.lines[np.argmax(blank)], f"the {role} of every point; the cell is empty"
+            require(not blank.any(), role, "", expected, file=str(path), line=int(line))
     if y_down:
         data |= {"y": -data["y"], "u_y": -data["u_y"]}
     travels = data["travel"] if "travel" in data else np.full(table.lines.size, travel_mm)
     placed = ~lost & np.isfinite(data["x"]) & np.isfinite(data["y"])
-    if not placed.any():
-        expected = "points that were found; 'none' takes all for found"
-        raise BadInput(file=str(path), key="valid", value=str(valid or rule), expected=expected)
+    expected = "points that were found; 'none' takes all for found"
+    require(placed.any(), "valid", str(valid or rule), expected, file=str(path))
     fields = []
     for travel in map(float, np.unique(travels[placed])):
         here = placed & (np.isnan(travels) if np.isnan(travel) else travels == travel)
@@ -226,8 +228,8 @@ def _asked(columns: Mapping[str, str | int] | None) -> dict[str, str | int]:
     """Columns by what they are: those that somebody names, or else the names themselves."""
     asked = {{"u": "u_x", "v": "u_y"}.get(role, role): name for role, name in (columns or {}).items()}
     for role in ("x", "y", "u_x", "u_y"):
-        if columns is not None and role not in asked:
-            raise BadInput(key=f"columns.{role}", value="(missing)", expected=f"the column of {role}")
+        named = columns is None or role in asked
+        require(named, f"columns.{role}", "(missing)", f"the column of {role}")
         asked.setdefault(role, role)
     return asked
 
@@ -241,7 +243,7 @@ def _rule(titles: Mapping[str, str], valid: str | None) -> tuple[str | int, str,
     match = _RULE.fullmatch(valid)
     if match is None:
         expected = "a column, a sign and a number, such as 'sigma >= 0', or 'none' for all points"
-        raise BadInput(key="valid", value=valid, expected=expected)
+        raise BadInput("valid", valid, expected)
     return int(match[1]) if match[1].isdigit() else match[1], match[2], float(match[3])
 
 
@@ -274,18 +276,17 @@ def _gridded(path: Path, points: np.ndarray, u: np.ndarray, lines: np.ndarray):
     """The grid's axes and the displacements on it (2, ny, nx)."""
     (x, across), (y, up) = (_axis(values) for values in points)
     for name, axis in (("x", x), ("y", y)):
-        if axis.size < 3 or lines.size < _FILLED * x.size * y.size:
-            found = f"{axis.size} different values in {lines.size} points"
-            wanted = "points on a grid of rows and columns, 3 or more of each"
-            raise BadInput(file=str(path), key=name, value=found, expected=wanted)
+        filled = axis.size >= 3 and lines.size >= _FILLED * x.size * y.size
+        values = f"{axis.size} different values in {lines.size} points"
+        wanted = "points on a grid of rows and columns, 3 or more of each"
+        require(filled, name, values, wanted, file=str(path))
     field = np.full((2, y.size, x.size), np.nan)
     seen: dict[tuple[int, int], int] = {}
     for k, (i, j) in enumerate(zip(up, across, strict=True)):
         if (i, j) in seen:
             place, before = f"({points[0, k]:g}, {points[1, k]:g}) mm", lines[seen[i, j]]
-            wanted = f"each point once; line {before} has it already. Fields at several blade travels need"
-            wanted += " a column 'travel'"
-            raise BadInput(file=str(path), line=int(lines[k]), key="x, y", value=place, expected=wanted)
+            wanted = f"each point once; line {before} has it already. Fields at several travels need a column"
+            raise BadInput("x, y", place, f"{wanted} 'travel'", file=str(path), line=int(lines[k]))
         seen[i, j] = k
         field[:, i, j] = u[:, k]
     return x, y, field
@@ -312,41 +313,19 @@ def read_fields_of(table: object, folder: Path) -> tuple[tuple[Field, ...], floa
 
     Raises BadInput; where the fault is in the data file, the error names that file and its line.
     """
-    if not isinstance(table, dict):
-        raise _wrong("fields", table, "a table, such as fields = { data = 'dic.csv', noise = '0.01 mm' }")
-    for key in table:
-        if key not in _KEYS:
-            raise _wrong(f"fields.{key}", table[key], one_of(key, _KEYS))
-    for key, (sort, expected) in _SORTS.items():
-        if key in table and not isinstance(table[key], sort):
-            raise _wrong(f"fields.{key}", table[key], expected)
-    data, configuration, shift = (
-        table.get("data", ""),
-        table.get("configuration"),
-        table.get("shift", ["0 mm"] * 2),
-    )
-    if not (folder / data).is_file():
-        raise _wrong("fields.data", table.get("data"), f"a file that exists in {folder}, such as 'dic.csv'")
-    if "noise" not in table:
-        raise _wrong("fields.noise", None, "what a displacement is known to, such as '0.01 mm'")
-    noise = parse_quantity(table["noise"], "mm", key="fields.noise")
-    if not (np.isfinite(noise) and noise > 0):
-        raise _wrong("fields.noise", table["noise"], "more than 0 mm")
-    if configuration not in (None, *CONFIGURATIONS):
-        raise _wrong("fields.configuration", configuration, one_of(str(configuration), CONFIGURATIONS))
-    if len(shift) != 2:
-        raise _wrong("fields.shift", shift, _SORTS["shift"][1])
-    right, up = (parse_quantity(part, "mm", key="fields.shift") for part in shift)
-    travel = parse_quantity(table["travel"], "mm", key="fields.travel") if "travel" in table else math.nan
+    wanted = "a table, such as fields = { data = 'dic.csv', noise = '0.01 mm' }"
+    part = read_section(Entry("fields", dict, wanted).read(table), _SECTION, "fields.")
+    file = folder / part["data"]
+    require(file.is_file(), "fields.data", part["data"], f"a file that exists in {folder}, such as 'dic.csv'")
     fields = read_fields(
-        folder / data, columns=table.get("columns"), units=table.get("units"), configuration=configuration,
-        shift_mm=(right, up), y_down=table.get("y_down", False), travel_mm=travel, valid=table.get("valid"),
+        file, columns=part["columns"], units=part["units"], configuration=part["configuration"],
+        shift_mm=part["shift"], y_down=part["y_down"], travel_mm=part["travel"], valid=part["valid"],
     )  # fmt: skip
     for field in fields:
-        if not field.travel_mm > 0:
-            value = None if math.isnan(field.travel_mm) else f"{field.travel_mm:g} mm"
-            raise _wrong("fields.travel", value, "blade travels above 0: a column 'travel [mm]', or travel")
-    return tuple(thinned(field) for field in fields), noise
+        value = "(missing)" if math.isnan(field.travel_mm) else f"{field.travel_mm:g} mm"
+        expected = "blade travels above 0: a column 'travel [mm]', or travel"
+        require(field.travel_mm > 0, "fields.travel", value, expected)
+    return tuple(thinned(field) for field in fields), part["noise"]
 
 
 def laid_out(fields: Sequence[Field]) -> np.ndarray:
@@ -361,7 +340,3 @@ def thinned(field: Field, points: int = POINTS) -> Field:
         every += 1
     x, y, u = field.x[::every], field.y[::every], field.u[:, ::every, ::every]
     return replace(field, x=x, y=y, u=np.ascontiguousarray(u))
-
-
-def _wrong(key: str, value: object, expected: str) -> BadInput:
-    return BadInput(key=key, value=in_short(value), expected=expected)

@@ -16,9 +16,9 @@ from pathlib import Path
 import numpy as np
 from scipy.special import log_ndtr
 
-from cutbench.base.toml import among, in_short
+from cutbench.base.errors import require
+from cutbench.base.toml import among
 from cutbench.base.units import parse_quantity
-from cutbench.data.columns import require
 from cutbench.data.experiment import Experiment
 from cutbench.data.experiment_section import section_of
 from cutbench.data.repetition import Averaged, Repetition
@@ -55,7 +55,7 @@ class Measure:
     def of(cls, name: str, raw: object, key: str = "") -> Measure:
         """Read what a person wrote. Raises BadInput."""
         key = key or f"measures.{name}"
-        among(key, name, READ_OFF, value=in_short(raw))
+        among(key, name, READ_OFF, value=raw)
         text = " ".join(str(raw).replace("+-", "±").replace("+/-", "±").split())
         sign = next((s for s in (*_BELOW, *_ABOVE) if text.startswith(s)), "")
         text = text.removeprefix(sign).strip()
@@ -194,7 +194,7 @@ def read_measures(
     expected = "the table with a row a specimen, such as data = 'specimens.csv'"
     require(isinstance(data, str), "data", data, expected)
     for name in listed:
-        among("measures", name, READ_OFF, value=in_short(listed))
+        among("measures", name, READ_OFF, value=listed)
     file, titles = folder / str(data), section_of(table, "columns")
     columns = {str(name): titles.get(name, str(name)) for name in listed}
     read = read_table(file, columns, section_of(table, "units"))

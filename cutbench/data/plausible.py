@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.ndimage import median_filter
 
+from cutbench.base.errors import require
 from cutbench.case.case import Case
-from cutbench.data.columns import require
 from cutbench.data.covariance import roughness
 from cutbench.data.repetition import SAME_SPEED, Repetition
 from cutbench.mechanisms.base import Blade, Points

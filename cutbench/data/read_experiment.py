@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from glob import glob
 from itertools import pairwise
@@ -13,9 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
-from cutbench.base.errors import BadInput
-from cutbench.base.toml import in_short, located, path_hint, written
-from cutbench.data.columns import LABEL, did_you_mean, require
+from cutbench.base.errors import BadInput, require
+from cutbench.base.toml import path_hint, written
+from cutbench.data.columns import LABEL, did_you_mean
 from cutbench.data.contact import TAKEN_OFF, contact_notes, direction, zeros_taken_off
 from cutbench.data.experiment import HOMOGENEOUS, ROLES, Experiment, area_of
 from cutbench.data.experiment_section import (
@@ -49,35 +48,6 @@ _KEYS_OF_MEASURES = (
 )  # fmt: skip
 
 
-@contextmanager
-def errors_at_experiment(file: Path, text: str, number: int) -> Iterator[None]:
-    """Errors inside without a file get this one and the line of their key in the ``number``-th experiment."""
-    with located(file, text, find=lambda key: _line(text, key, number)):
-        yield
-
-
-def _line(text: str, key: str, number: int) -> int | None:
-    """Line of ``key`` within the ``number``-th [[experiment]] (from 0); else of its opening."""
-    lines = text.splitlines()
-    heads = [i for i, line in enumerate(lines) if re.match(r"\s*\[\[\s*[\"']?experiment[\"']?\s*\]\]", line)]
-    if number >= len(heads):
-        return None
-    begin, end = [*heads, len(lines)][number : number + 2]
-    section, _, name = key.rpartition(".")
-    section = section.partition(".")[0]
-
-    def first(word: str, begin: int, stop: int) -> int | None:
-        pattern = re.compile(rf"(^|[\s{{,.\[]){re.escape(word)}[\"']?\s*(=|\.|\])")
-        return next((i for i in range(begin, stop) if pattern.search(lines[i].split("#")[0])), None)
-
-    opened = first(section, begin + 1, end) if section else begin
-    if opened is None:
-        return begin + 1
-    # A table in one line, or its own section up to the next.
-    line = first(name, opened, end if lines[opened].lstrip().startswith("[") else opened + 1)
-    return (opened if line is None else line) + 1
-
-
 def read_experiments(table: Mapping[str, object], folder: Path) -> list[Experiment]:
     """The experiment that ``table`` describes, with its data from files beside ``folder``; one for each speed
     where specimens were tested at speeds far apart.
@@ -86,7 +56,7 @@ def read_experiments(table: Mapping[str, object], folder: Path) -> list[Experime
     """
     kind = kind_of(table)
     raw = table.get("id")
-    name = written("id", raw, "a name, such as id = 'slow'", value=in_short(raw))
+    name = written("id", raw, "a name, such as id = 'slow'")
     role = choice(table, "role", ROLES, "train")
     sizes = written_sizes(table, "specimen", SIZES[kind], several=kind != "cut")
     source = table.get("source", "")

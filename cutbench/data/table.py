@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cutbench.base.errors import BadInput
+from cutbench.base.errors import BadInput, require
 from cutbench.base.unit_spelling import meant_unit, size_of
 from cutbench.data.columns import (
     LABEL,
@@ -35,7 +35,6 @@ from cutbench.data.columns import (
     is_empty,
     lines_of,
     parted,
-    require,
     split_line,
     units_row,
 )

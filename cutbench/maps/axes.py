@@ -1,4 +1,7 @@
-"""The axes of a study: which quantity or switch, which values, and that no two set the same."""
+"""The axes of a study: which quantity or switch, which values, and that no two set the same.
+
+And where its runs lie on them: the order of a grid, and a Sobol sequence.
+"""
 
 from __future__ import annotations
 
@@ -7,19 +10,27 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from pathlib import Path
+from typing import Any
 
 import numpy as np
+from scipy.stats import qmc
 
-from cutbench.base.errors import BadInput
-from cutbench.base.toml import among, located, one_of
-from cutbench.base.units import Parameter, parse_quantity
+from cutbench.base.errors import require
+from cutbench.base.sections import SOME, Entry, read_section
+from cutbench.base.toml import TomlFile, among
+from cutbench.base.units import Parameter
 from cutbench.case.case import Case
 from cutbench.case.model import Model, groups
 from cutbench.case.values import parameter_of, settable
 from cutbench.mechanisms import registry
 
-_AXIS = ("name", "mechanism", "from", "to", "points", "scale", "values", "tolerance")
+_AXIS = tuple(
+    Entry(key, object)
+    for key in ("name", "mechanism", "from", "to", "points", "scale", "values", "tolerance")
+)
+_NAME, _SCALE = Entry("name"), Entry("scale", default="linear", choices=("linear", "log"))
+_SPACED = "from, to and points, or values"
+_SOUGHT = "it only where mode = 'boundary', on an axis with from and to"
 #: More points than this are a slip of the pen.
 MAX_POINTS = 100_000
 #: How a study may spread its runs over its axes.
@@ -83,167 +94,132 @@ def short(value: float) -> float:
 
 
 def read_axes(
-    table: dict, path: Path, text: str, model: Model, changes: Mapping[str, object], mode: str = GRID
+    file: TomlFile,
+    sections: Sequence[Mapping[str, Any]],
+    model: Model,
+    changes: Mapping[str, object],
+    mode: str = GRID,
 ) -> tuple[Axis, ...]:
-    """The ``[[axis]]`` sections of a study in ``path``; ``changes`` is what its other sections set.
+    """The ``[[axis]]`` sections of a study; ``changes`` is what its other sections set.
 
     ``model`` has every mechanism that an axis switches.
 
     Raises BadInput that names the axis by its number and the line of the key.
     """
-    entries = table.get("axis", [])
-    with located(path, text):
-        if not isinstance(entries, list) or not all(isinstance(e, dict) for e in entries):
-            raise BadInput("axis", str(entries), "sections written [[axis]], one an axis")
-        if not entries:
-            raise BadInput("axis", "(missing)", "at least one [[axis]] with name and values")
     axes: list[Axis] = []
     # A lattice of half the tolerance: see cutbench.maps.boundary.
-    seek = sum("values" not in e and "mechanism" not in e for e in entries)
-    for n, entry in enumerate(entries):
-        try:
-            axis = _axis(entry, model, mode, TOLERANCE.get(seek, TOLERANCE[3]))
-            for other in axes:
-                if other.name == axis.name:
-                    raise BadInput("name", axis.name, "each axis once")
-                if other.sets == axis.sets:
-                    raise BadInput(
-                        key="name", value=axis.name,
-                        expected=f"an axis that sets something else: '{other.name}' sets {axis.sets} already",
-                    )  # fmt: skip
-            for key in changes:
-                if parameter_of(key) == axis.sets:
-                    raise BadInput("name", axis.name, f"{key} to be set once: by this axis or in its section")
+    seek = sum("values" not in section and "mechanism" not in section for section in sections)
+    for n, section in enumerate(sections):
+        with file.at("axis", n, f"axis {n + 1}: "):
+            read_section(section, _AXIS)  # what no axis has is refused, whatever its kind
+            axis = _axis(section, model, mode, TOLERANCE.get(seek, TOLERANCE[3]))
+            _refuse_set_twice(axis, axes, changes)
             axes.append(axis)
-            size = math.prod(len(a.values) for a in axes)
-            if mode == GRID and size > MAX_POINTS:
-                raise BadInput("points", size, f"at most {MAX_POINTS} points in all")
-            if mode == BOUNDARY and size > MAX_POINTS:
-                raise BadInput(
-                    key="tolerance" if axis.continuous else "values", value=entry.get("tolerance", size),
-                    expected="fewer axes or larger tolerances: to half of each that is a lattice of"
-                    f" {size} points, more than {MAX_POINTS}",
-                )  # fmt: skip
-        except BadInput as error:
-            raise BadInput(
-                file=str(path), line=_axis_line(text, n, error.key), key=f"axis {n + 1}: {error.key}",
-                value=error.value, expected=error.expected,
-            ) from error  # fmt: skip
+            size = math.prod(len(each.values) for each in axes)
+            fits = mode == SAMPLE or size <= MAX_POINTS
+            require(fits or mode != GRID, "points", size, f"at most {MAX_POINTS} points in all")
+            require(
+                fits, "tolerance" if axis.continuous else "values", section.get("tolerance", size),
+                "fewer axes or larger tolerances: to half of each that is a lattice of"
+                f" {size} points, more than {MAX_POINTS}",
+            )  # fmt: skip
     return tuple(axes)
 
 
-def switched(table: dict) -> tuple[str, ...]:
+def _refuse_set_twice(axis: Axis, others: Sequence[Axis], changes: Mapping[str, object]) -> None:
+    for other in others:
+        require(other.name != axis.name, "name", axis.name, "each axis once")
+        expected = f"an axis that sets something else: '{other.name}' sets {axis.sets} already"
+        require(other.sets != axis.sets, "name", axis.name, expected)
+    for key in changes:
+        expected = f"{key} to be set once: by this axis or in its section"
+        require(parameter_of(key) != axis.sets, "name", axis.name, expected)
+
+
+def switched(sections: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
     """Names under ``mechanism`` in the ``[[axis]]`` sections, as far as they are names."""
-    entries = table.get("axis", [])
-    entries = entries if isinstance(entries, list) else []
-    found = (e.get("mechanism") for e in entries if isinstance(e, dict))
-    return tuple(name for name in found if isinstance(name, str) and name in registry())
+    return tuple(name for section in sections if (name := section.get("mechanism")) in [*registry()])
 
 
-def _axis(entry: dict, model: Model, mode: str, tolerance: float) -> Axis:
-    refuse_unknown(entry, _AXIS)
-    if "mechanism" in entry:
-        return _switch(entry, model)
-    there, parameters, names = model.settable_groups(), model.parameters(), settable(model)
-    name = entry.get("name", "(missing)")
-    among("name", name, names)
-    scale = entry.get("scale", "linear")
-    if scale not in ("linear", "log"):
-        raise BadInput("scale", scale, "'linear' or 'log'")
-    quantity = there[name].quantity if name in there else parameters[name]
-    continuous = mode in (SAMPLE, BOUNDARY) and "values" not in entry
-    if "tolerance" in entry and not (mode == BOUNDARY and continuous):
-        raise BadInput(
-            "tolerance", entry["tolerance"], "it only where mode = 'boundary', on an axis with from and to"
-        )
-    if "values" in entry:
-        values = _listed(entry, quantity)
-    elif continuous:
-        if "points" in entry:
-            instead = "the tolerance says how fine" if mode == BOUNDARY else "[sample] says how many"
-            raise BadInput("points", entry["points"], f"only from and to: {instead}")
-        tolerance = _tolerance(entry.get("tolerance", tolerance))
-        points = 2 * math.ceil(1 / tolerance - 1e-9) + 1 if mode == BOUNDARY else 2
-        values = _spaced(entry | {"points": points}, quantity, scale)
-    else:
-        values = _spaced(entry, quantity, scale)
-    if scale == "log" and values[0] <= 0:
-        raise BadInput("scale", scale, "'linear', since a value is 0 or below")
+def _axis(section: Mapping[str, Any], model: Model, mode: str, tolerance: float) -> Axis:
+    if "mechanism" in section:
+        return _switch(section)
+    groups_, parameters = model.settable_groups(), model.parameters()
+    among("name", section.get("name", "(missing)"), settable(model))
+    name = section["name"]
+    quantity = groups_[name].quantity if name in groups_ else parameters[name]
+    continuous = mode in (SAMPLE, BOUNDARY) and "values" not in section
+    part = _read(section, quantity, mode, tolerance if continuous else math.nan)
+    scale, values = part["scale"], part.get("values")
+    if values is None:
+        points = 2 * math.ceil(1 / part["tolerance"] - 1e-9) + 1 if "tolerance" in part else 2
+        values = _spaced(section, part | {"points": part.get("points", points)})
+    ascending = all(a < b for a, b in pairwise(values))
+    require(ascending, "values", section.get("values"), "ascending values, each once")
+    require(scale == "linear" or values[0] > 0, "scale", scale, "'linear', since a value is 0 or below")
     symbol, long_name = quantity.symbol, quantity.doc
-    if name in there:
-        symbol, long_name = there[name].symbol, there[name].title or name
+    if name in groups_:
+        symbol, long_name = groups_[name].symbol, groups_[name].title or name
     return Axis(
         name, quantity.unit, symbol, long_name, values, scale, parameter_of(name), continuous,
-        tolerance if continuous and mode == BOUNDARY else math.nan,
+        part.get("tolerance", math.nan),
     )  # fmt: skip
 
 
-def _switch(entry: dict, model: Model) -> Axis:
-    name = entry["mechanism"]
-    among("mechanism", name, registry())
-    for key in entry:
-        if key not in ("mechanism", "values"):
-            raise BadInput(key, entry[key], "only values beside a mechanism")
-    raw = entry.get("values", [False, True])
-    if not isinstance(raw, list) or raw not in ([False, True], [True, False], [False], [True]):
-        raise BadInput("values", str(raw), "[false, true]: without and with the mechanism")
-    values = tuple(sorted(float(v) for v in raw))
+def _read(section: Mapping[str, Any], quantity: Parameter, mode: str, tolerance: float) -> dict[str, Any]:
+    """What the section of a ``quantity`` says: values; or from, to and how many, by the ``mode``."""
+    ends = [Entry(key, quantity, _SPACED, needed=True) for key in ("from", "to")]
+    points = Entry("points", int, _SPACED, needed=True, low=2, high=MAX_POINTS)
+    fine = Entry("tolerance", _tolerance, default=tolerance)
+    by_mode = {
+        GRID: ([*ends, points], "from, to and points alone"),
+        SAMPLE: (ends, "only from and to: [sample] says how many"),
+        BOUNDARY: ([*ends, fine], "only from and to: the tolerance says how fine"),
+    }
+    values = Entry("values", quantity, "a list with at least one value, such as [1, 3, 10]", count=SOME)
+    listed = [values], "either values, or from, to and points"
+    entries, others = listed if "values" in section else by_mode[mode]
+
+    wrong = {"tolerance": _SOUGHT}
+    return read_section(section, [_NAME, _SCALE, *entries], instead=lambda key: wrong.get(key, others))
+
+
+def _switch(section: Mapping[str, Any]) -> Axis:
+    among("mechanism", section["mechanism"], registry())
+    entries = (Entry("mechanism"), Entry("values", _levels, default=(0.0, 1.0)))
+    part = read_section(section, entries, instead=lambda key: "only values beside a mechanism")
+    name = part["mechanism"]
     title = registry()[name].title
-    return Axis(f"with_{name}", "1", title, f"{title} in the model", values, "linear", name, mechanism=name)
+    return Axis(
+        f"with_{name}", "1", title, f"{title} in the model", part["values"], "linear", name, mechanism=name
+    )
 
 
-def _tolerance(raw: object) -> float:
+def _levels(raw: object, *, key: str) -> tuple[float, ...]:
+    levels: Any = raw
+    known = levels in ([False, True], [True, False], [False], [True])
+    require(known, key, raw, "[false, true]: without and with the mechanism")
+    return tuple(sorted(map(float, levels)))
+
+
+def _tolerance(raw: object, *, key: str) -> float:
     """A part of an axis: 0.05, or "1/32"."""
-    text = raw
+    part: Any = raw
     if isinstance(raw, str) and (parts := re.fullmatch(r"\s*1\s*/\s*(\d+)\s*", raw)) and int(parts[1]):
-        text = 1 / int(parts[1])
-    if isinstance(text, bool) or not isinstance(text, (int, float)) or not 0 < text <= 0.25:
-        raise BadInput("tolerance", raw, "a part of the axis, above 0 and up to '1/4', such as '1/32'")
-    return float(text)
+        part = 1 / int(parts[1])
+    number = isinstance(part, (int, float)) and not isinstance(part, bool) and 0 < part <= 0.25
+    require(number, key, raw, "a part of the axis, above 0 and up to '1/4', such as '1/32'")
+    return float(part)
 
 
-def _listed(entry: dict, quantity: Parameter) -> tuple[float, ...]:
-    for key in ("from", "to", "points"):
-        if key in entry:
-            raise BadInput(key, entry[key], "either values, or from, to and points")
-    raw = entry["values"]
-    if not isinstance(raw, list) or not raw:
-        raise BadInput("values", str(raw), "a list with at least one value, such as [1, 3, 10]")
-    values = tuple(_read(item, quantity, "values") for item in raw)
-    if any(b <= a for a, b in pairwise(values)):
-        raise BadInput("values", str(raw), "ascending values, each once")
+def _spaced(section: Mapping[str, Any], part: Mapping[str, Any]) -> tuple[float, ...]:
+    """So many values from one end to the other; the section is as it was written."""
+    low, high, points, log = part["from"], part["to"], part["points"], part["scale"] == "log"
+    require(low < high, "from", section["from"], f"less than to = {section['to']}")
+    require(low > 0 or not log, "from", section["from"], "more than 0 on a log scale")
+    values = tuple(short(v) for v in (np.geomspace if log else np.linspace)(low, high, points))
+    require(len(set(values)) == points, "points", points, "values that differ in their first six digits")
     return values
-
-
-def _spaced(entry: dict, quantity: Parameter, scale: str) -> tuple[float, ...]:
-    for key in ("from", "to", "points"):
-        if key not in entry:
-            raise BadInput(key, "(missing)", "from, to and points, or values")
-    low, high = (_read(entry[key], quantity, key) for key in ("from", "to"))
-    if low >= high:
-        raise BadInput("from", entry["from"], f"less than to = {entry['to']}")
-    if scale == "log" and low <= 0:
-        raise BadInput("from", entry["from"], "more than 0 on a log scale")
-    points = entry["points"]
-    if isinstance(points, bool) or not isinstance(points, int) or not 2 <= points <= MAX_POINTS:
-        raise BadInput("points", points, "a whole number, 2 or more (or values = [...] for one)")
-    spaced = np.geomspace(low, high, points) if scale == "log" else np.linspace(low, high, points)
-    values = tuple(short(v) for v in spaced)
-    if len(set(values)) < points:
-        raise BadInput("points", points, "values that differ in their first six digits")
-    return values
-
-
-def _read(raw: object, quantity: Parameter, key: str) -> float:
-    return quantity.check(parse_quantity(raw, quantity.unit, key=key), key=key)
-
-
-def refuse_unknown(part: Mapping[str, object], known: tuple[str, ...]) -> None:
-    """BadInput for the first key of ``part`` that is not ``known``."""
-    for key, value in part.items():
-        if key not in known:
-            shown = value if isinstance(value, (str, int, float)) else type(value).__name__
-            raise BadInput(key, shown, one_of(key, known))
 
 
 def value_on(axis: Axis, case: Case) -> float | None:
@@ -261,19 +237,36 @@ def value_on(axis: Axis, case: Case) -> float | None:
 
 def values_on(axes: Sequence[Axis], case: Case) -> tuple[dict[str, float], list[str]]:
     """Where a case lies on each axis, by its name; and the names of those it has no value of."""
-    found = {axis.name: value_on(axis, case) for axis in axes}
-    return {n: v for n, v in found.items() if v is not None}, [n for n, v in found.items() if v is None]
+    values = {axis.name: value_on(axis, case) for axis in axes}
+    return {n: v for n, v in values.items() if v is not None}, [n for n, v in values.items() if v is None]
 
 
-def _axis_line(text: str, n: int, key: str) -> int | None:
-    """Line of ``key`` in the ``n``-th [[axis]], or of its head."""
-    head = None
-    for number, line in enumerate(text.splitlines(), start=1):
-        if re.match(r"\s*\[\[\s*axis\s*\]\]", line):
-            n -= 1
-            head = number if n == -1 else head
-        elif re.match(r"\s*\[", line) and n < 0:
-            break
-        if n == -1 and re.match(rf"\s*[\"']?{re.escape(key)}[\"']?\s*=", line):
-            return number
-    return head
+def coarse_to_fine(shape: tuple[int, ...]) -> tuple[int, ...]:
+    """Flat indices of a grid so that each is as far as can be from all before it, the middle first.
+
+    Distances are relative to the axes' lengths; ties go to the lower index, so the order is fixed.
+    """
+    index = np.stack(np.unravel_index(np.arange(math.prod(shape)), shape), axis=1).astype(float)
+    place = index / np.maximum(np.array(shape) - 1, 1)
+    order = [int(np.argmin(((place - 0.5) ** 2).sum(axis=1).round(9)))]
+    gap = np.full(len(place), np.inf)
+    for _ in range(len(place) - 1):
+        gap = np.minimum(gap, ((place - place[order[-1]]) ** 2).sum(axis=1).round(9))
+        gap[order[-1]] = -1.0  # taken
+        order.append(int(np.argmax(gap)))
+    return tuple(order)
+
+
+def sobol(axes: Sequence[Axis], points: int, seed: int) -> tuple[tuple[float, ...], ...]:
+    """``points`` places of a scrambled Sobol sequence (Sobol 1967; Owen 1998): more points keep those before.
+
+    An axis of levels has each of them about equally often.
+    """
+    rows = qmc.Sobol(len(axes), seed=seed).random_base2(math.ceil(math.log2(points)))[:points]
+    return tuple(
+        tuple(
+            axis.value(float(place)) if axis.continuous else axis.values[int(place * len(axis.values))]
+            for axis, place in zip(axes, row, strict=True)
+        )
+        for row in rows
+    )

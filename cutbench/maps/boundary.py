@@ -19,7 +19,7 @@ from scipy.ndimage import distance_transform_edt
 
 from cutbench.emulator.atlas import Measures
 from cutbench.emulator.gaussian_process import GaussianProcess, Kernel
-from cutbench.maps.sampling import coarse_to_fine
+from cutbench.maps.axes import coarse_to_fine
 
 #: Two-sided 95 % of a normal distribution: what "sure" means.
 NORMAL_QUANTILE = 1.96

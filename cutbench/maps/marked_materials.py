@@ -8,7 +8,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from cutbench.base.errors import BadInput
+from cutbench.base.errors import BadInput, require
+from cutbench.case import materials
 from cutbench.case.case import Case, load_case
 from cutbench.case.motion import TRANSITION
 from cutbench.maps.axes import Axis, values_on
@@ -34,14 +35,15 @@ def read_mark(
     end. Raises BadInput.
     """
     near = folder / source
-    own = load_case(near if near.is_file() else source)
+    own = load_case(materials.find(near if near.is_file() else source, key="mark"))
     at, missing = values_on(axes, own)
-    if missing:
-        expected = f"materials that have a value of {', '.join(missing)}"
-        raise BadInput("mark", source, expected)
+    require(not missing, "mark", source, f"materials that have a value of {', '.join(missing)}")
     values = dict(own.values) | {"depth": min(own.values["depth"], base.values["depth"])}
     motion = () if base.until == TRANSITION else own.motion
-    case = replace(own, numerics=base.numerics, values=values, motion=motion, until=base.until)
+    try:
+        case = replace(own, numerics=base.numerics, values=values, motion=motion, until=base.until)
+    except BadInput as error:
+        raise BadInput("mark", source, f"a material that this study can run: {error}") from error
     differs = ""
     with contextlib.suppress(BadInput):  # off the axes there may be no such case
         differs = _differences(place([at[axis.name] for axis in axes]), own)

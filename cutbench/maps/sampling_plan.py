@@ -186,12 +186,9 @@ class BoundaryPlan(SamplingPlan):
         }
 
     def _known(self, level: _Level, rows: Mapping[str, MapRow]) -> dict[Index, float]:
-        found = {}
-        for inner, index in level.places.items():
-            row = rows.get(self.ids[index]) or self.impossible.get(self.ids[index])
-            if row is not None:
-                found[inner] = margin_of(row, self.study)
-        return found
+        ids = {inner: self.ids[index] for inner, index in level.places.items()}
+        outcomes = {inner: rows.get(id) or self.impossible.get(id) for inner, id in ids.items()}
+        return {inner: margin_of(row, self.study) for inner, row in outcomes.items() if row is not None}
 
 
 def plan_of(study: Study) -> SamplingPlan:
@@ -205,8 +202,8 @@ def margin_of(row: MapRow, study: Study) -> float:
         return math.nan
     regime = study.regime
     surge_min = math.nan if regime.surge_min is None else regime.surge_min
-    found = margin(
+    result = margin(
         np.array(row.measures["drop_rel"]), np.array(row.measures["surge"]), np.array(row.label == UNCUT),
         drop=regime.drop, surge_min=surge_min,
     )  # fmt: skip
-    return float(found)
+    return float(result)

@@ -7,53 +7,64 @@ file, the line, the key, the value, and what would be right.
 from __future__ import annotations
 
 import itertools
-import re
-import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
-from cutbench.base.errors import BadInput
-from cutbench.base.toml import among, line_of, located, read_toml, refuse_other, written
+from cutbench.base.errors import require
+from cutbench.base.sections import SOME, Entry, read_section
+from cutbench.base.toml import TomlFile, read_toml
 from cutbench.case import materials
-from cutbench.case.case import Case, load_case
-from cutbench.case.model import Model, section_of
+from cutbench.case.case import CASE_SECTIONS, Case, load_case
+from cutbench.case.model import Model
 from cutbench.case.motion import TRANSITION
 from cutbench.case.physics import Physics
-from cutbench.case.values import check_driven, names, parameter_of
+from cutbench.case.values import check_driven, names, parameter_of, section_changes
 from cutbench.maps.axes import (
     BOUNDARY,
     GRID,
     MODES,
     SAMPLE,
     Axis,
+    coarse_to_fine,
     read_axes,
-    refuse_unknown,
+    sobol,
     switched,
 )
 from cutbench.maps.marked_materials import Mark, read_mark
-from cutbench.maps.sampling import coarse_to_fine, sobol
 from cutbench.maps.study_sections import (
+    PLOT,
+    REGIME,
+    SAMPLES,
+    UNCERTAINTY,
     Doubtful,
     Plot,
     Regime,
     Search,
     read_plot,
-    read_regime,
-    read_sample,
     read_search,
-    read_section,
-    read_uncertainty,
 )
 from cutbench.run.measures import ONSET
 
-_SECTIONS = ("parameters", "specimen", "blade", "protocol", "numerics")
-_OWN = ("axis", "sample", "boundary", "regime", "uncertainty", "plot")
-_TOP = ("title", "mode", "base", "mechanisms", *_SECTIONS, *_OWN)
+#: Sections that are for some modes alone.
+_FOR_MODES = {"sample": (SAMPLE,), "boundary": (BOUNDARY,), "uncertainty": (GRID, BOUNDARY)}
+_FILE = (
+    Entry("title", str, "a title, such as 'Smooth and abrupt cutting'"),
+    Entry("mode", default=GRID, choices=MODES),
+    Entry("base", str, f"a material ({', '.join(materials.names())}) or a case file", needed=True),
+    Entry("mechanisms", names),
+    *(Entry(section, dict, default={}) for section in CASE_SECTIONS),
+    Entry("axis", dict, "sections written [[axis]], each with name and values", needed=True, count=SOME),
+    Entry("sample", SAMPLES),
+    Entry("boundary", dict, default={}),
+    Entry("regime", REGIME, default=read_section({}, REGIME)),
+    Entry("uncertainty", UNCERTAINTY, default={"runs": 0, "bands": 0}),
+    Entry("plot", PLOT, default=read_section({}, PLOT)),
+)
 
 
 Startable = TypeVar("Startable", Case, Physics)
@@ -199,22 +210,14 @@ class Study:
 
     @cached_property
     def _marks(self) -> tuple[Mark, ...]:
-        found: list[Mark] = []
+        marks: dict[str, Mark] = {}
         for source in self.plot.mark:
-            try:
+            with TomlFile(self.path, {}, self.text).at("plot"):
                 mark = read_mark(source, self.path.parent, self.base, self.axes, self.case_at)
-                if mark.name in [other.name for other in found]:
-                    raise BadInput("mark", source, f"materials of different names: two are '{mark.name}'")
-            except BadInput as error:
-                if error.file is not None:  # in the material's own file
-                    raise
-                named = error.key in ("mark", "material")
-                expected = error.expected if named else f"a material that this study can run: {error}"
-                raise BadInput(
-                    "mark", source, expected, file=str(self.path), line=line_of(self.text, "mark", "plot")
-                ) from error
-            found.append(mark)
-        return tuple(found)
+                alike = mark.name in marks
+                require(not alike, "mark", source, f"materials of different names: two are '{mark.name}'")
+                marks[mark.name] = mark
+        return tuple(marks.values())
 
 
 def case_at(
@@ -232,16 +235,16 @@ def case_at(
             model = model.with_(name)
         elif name in model.mechanisms:
             model = model.without(name)
-    kept = dict(changes)
+    mine = dict(changes)
     if switches:
-        kept["mechanisms"] = model.mechanisms
+        mine["mechanisms"] = model.mechanisms
         here, elsewhere = model.parameters(), start.model.with_(*switches).parameters()
         for key in changes:
             sets = parameter_of(key)
             if sets in elsewhere and sets not in here:
-                del kept[key]
+                del mine[key]
     own = {a.name: a.text(v) for a, v in zip(axes, values, strict=True) if not a.mechanism}
-    return start.set(**kept, **own)
+    return start.set(**mine, **own)
 
 
 def load_study(path: str | Path) -> Study:
@@ -272,70 +275,50 @@ def load_study(path: str | Path) -> Study:
     >>> study.mode, study.base.name
     ('boundary', 'gelatin')
     """
-    path = Path(path)
-    table, text = _read(path)
-    refuse_other(table, path, "axis")
-    with located(path, text):
-        refuse_unknown(table, _TOP)
-        title = table.get("title", path.stem)
-        written("title", title, "a title, such as 'Smooth and abrupt cutting'")
-        mode = table.get("mode", GRID)
-        among("mode", mode, MODES)
-        for section, owner in (("sample", SAMPLE), ("boundary", BOUNDARY)):
-            if section in table and mode != owner:
-                raise BadInput(section, f"[{section}]", f"it only where mode = '{owner}'")
-        start = _base(table, path)
-    switches = switched(table)
-    whole = start.model.with_(*switches) if switches else start.model
-    changes = _changes(table, path, text, whole)
-    with located(path, text):
+    file = read_toml(path, "axis")
+    with file.at():
+        top = read_section(file.table, _FILE)
+        for section, modes in _FOR_MODES.items():
+            only = f"it only where mode = {' or '.join(map(repr, modes))}"
+            require(section not in file.table or top["mode"] in modes, section, f"[{section}]", only)
+        points = top["sample"] or top["mode"] != SAMPLE
+        require(points, "sample", "(missing)", "[sample] with points = 100 or so")
+        start = _base(file, top)
+    mode, whole = top["mode"], start.model.with_(*switched(top["axis"]))
+    changes, places = section_changes(file, {section: top[section] for section in CASE_SECTIONS}, whole)
+    with file.at(places):
         base = start.set(mechanisms=whole.mechanisms, **changes)
-    axes = read_axes(table, path, text, base.model, changes, mode)
-    with located(path, text, "regime"):
-        regime = _regime(table, base)
-    with located(path, text, "uncertainty"):
-        doubtful = _doubtful(table, mode)
-    with located(path, text, "plot"):
-        plot = read_plot(read_section(table, "plot"), axes)
-    search: Search | None = None
+    axes = read_axes(file, top["axis"], base.model, changes, mode)
+    with file.at("regime"):
+        regime = _regime(top["regime"], base)
+    with file.at("plot"):
+        plot = read_plot(top["plot"], axes)
+    with file.at("boundary"):
+        search = read_search(top["boundary"], axes) if mode == BOUNDARY else None
     samples: tuple[tuple[float, ...], ...] = ()
-    if mode == BOUNDARY:
-        with located(path, text, "boundary"):
-            search = read_search(read_section(table, "boundary"), axes)
-    elif mode == SAMPLE:
-        with located(path, text, "sample"):
-            points, seeds = read_sample(read_section(table, "sample"))
-            samples = tuple(place for seed in seeds for place in sobol(axes, points, seed))
-    places = samples or itertools.product(*_grid(axes, ends=mode == BOUNDARY))
-    with located(path, text):
-        cases = tuple(case_at(start, changes, axes, values) for values in places)
+    if mode == SAMPLE:
+        points, seeds = top["sample"].values()
+        samples = tuple(place for seed in seeds for place in sobol(axes, points, seed))
+    with file.at(places):
+        at = samples or itertools.product(*_grid(axes, ends=mode == BOUNDARY))
+        cases = tuple(case_at(start, changes, axes, values) for values in at)
         for model in {case.model for case in cases}:
             check_driven(model)
     study = Study(
-        path, title, text, base, axes, () if mode == BOUNDARY else cases, regime, plot, mode, samples,
-        search, start, changes, doubtful,
+        file.path, top["title"] or file.path.stem, file.text, base, axes, () if mode == BOUNDARY else cases,
+        regime, plot, mode, samples, search, start, changes, Doubtful(**top["uncertainty"]),
     )  # fmt: skip
     study.marks()  # what is wrong with one is said before anything is run
     return study
 
 
-def _regime(table: dict, base: Case) -> Regime:
+def _regime(part: Mapping[str, Any], base: Case) -> Regime:
     """What ``[regime]`` says, for runs of ``base`` and their like."""
-    regime = read_regime(read_section(table, "regime"))
-    usual = ONSET * base.unit_mm
-    if base.until == TRANSITION and (regime.onset_length_mm or usual) > usual * (1 + 1e-9):
+    length, usual = part["onset_length"], ONSET * base.unit_mm
+    if base.until == TRANSITION:
         expected = f"at most {usual:g} mm: a run until its transition ends behind the onset by that length"
-        raise BadInput("onset_length", f"{regime.onset_length_mm:g} mm", expected)
-    return regime
-
-
-def _doubtful(table: dict, mode: str) -> Doubtful:
-    """What ``[uncertainty]`` says, if there is one."""
-    if "uncertainty" not in table:
-        return Doubtful()
-    if mode not in (GRID, BOUNDARY):
-        raise BadInput("uncertainty", "[uncertainty]", f"it only where mode = '{GRID}' or '{BOUNDARY}'")
-    return read_uncertainty(read_section(table, "uncertainty"))
+        require((length or usual) <= usual * (1 + 1e-9), "onset_length", f"{length} mm", expected)
+    return Regime(part["drop"], part["surge"], length, part["rest"])
 
 
 def _grid(axes: Sequence[Axis], ends: bool) -> list[tuple[float, ...]]:
@@ -348,70 +331,16 @@ def _grid(axes: Sequence[Axis], ends: bool) -> list[tuple[float, ...]]:
     return [of(axis.values) if ends and axis.continuous else axis.values for axis in axes]
 
 
-def _read(path: Path) -> tuple[dict, str]:
-    """``read_toml``, with the line where a list or a string was left open, not the one after it."""
-    try:
-        return read_toml(path)
-    except BadInput as error:
-        if error.key != "TOML" or error.line is None:
-            raise
-        lines = path.read_text(encoding="utf-8").splitlines()
-        for n in range(min(error.line, len(lines)) - 1, 0, -1):
-            try:
-                tomllib.loads("\n".join(lines[:n]))
-            except tomllib.TOMLDecodeError:
-                continue
-            # Line n + 1 begins what cannot be read; a new statement below it was none of its lines.
-            if re.match(r"\s*([\w\"'.-]+\s*=|\[)", lines[error.line - 1]) and n + 1 < error.line:
-                while not lines[n].split("#")[0].strip():
-                    n += 1
-                raise BadInput(
-                    "TOML", lines[n].strip(), error.expected, file=error.file, line=n + 1
-                ) from error
-            break
-        raise
-
-
-def _base(table: dict, path: Path) -> Case:
-    if "base" not in table:
-        raise BadInput("base", "(missing)", f"a material ({', '.join(materials.names())}) or a case file")
-    source = table["base"]
-    if not isinstance(source, str):
-        raise BadInput("base", source, "a material's name or a case file")
-    near = path.parent / source
-    try:
-        case = load_case(near if near.is_file() else source)
-    except BadInput as error:
-        if error.file is not None:  # in the case file itself
-            raise
-        raise BadInput("base", source, error.expected) from error
-    if "mechanisms" not in table:
+def _base(file: TomlFile, top: Mapping[str, Any]) -> Case:
+    """The case that a study begins from, with its mechanisms."""
+    case = load_case(materials.find(file.beside(top["base"]), key="base"))
+    if top["mechanisms"] is None:
         return case
     # What the laws need and the base does not have is given beside them, in a section or along an axis.
-    needed = Model(names("mechanisms", table["mechanisms"])).parameters().keys() - case.values.keys()
-    asked = [part for section in _SECTIONS if isinstance(part := table.get(section), dict)]
-    for axis in table.get("axis", []) if isinstance(table.get("axis"), list) else []:
-        if isinstance(axis, dict) and isinstance(ends := axis.get("values", [axis.get("from")]), list):
-            asked.append({str(axis.get("name")): ends[0] if ends else None})
-    given = {key: raw for part in asked for key, raw in part.items() if key in needed and raw is not None}
-    return case.set(mechanisms=table["mechanisms"], **given)
-
-
-def _changes(table: dict, path: Path, text: str, model: Model) -> dict[str, object]:
-    """What the sections set, as ``Case.set`` takes it."""
-    known = model.parameters()
-    changes: dict[str, object] = {}
-    for section in _SECTIONS:
-        with located(path, text, section):
-            part = read_section(table, section)
-            for key, raw in part.items():
-                if key in known and section_of(key) != section:
-                    raise BadInput(key, raw, f"it in [{section_of(key)}], not in [{section}]")
-                if key in ("motion", "until") and section != "protocol":
-                    raise BadInput(key, raw, f"it in [protocol], not in [{section}]")
-                if key in ("name", "with", "with_", "without", "mechanisms"):
-                    raise BadInput(key, raw, f"a quantity in [{section}]")
-                if key in changes:
-                    raise BadInput(key, raw, "each quantity once")
-            changes |= part
-    return changes
+    needed = Model(top["mechanisms"]).parameters().keys() - case.values.keys()
+    asked = {key: raw for section in CASE_SECTIONS for key, raw in top[section].items()}
+    for axis in top["axis"]:
+        ends = axis.get("values", [axis.get("from")])
+        asked[str(axis.get("name"))] = ends[0] if isinstance(ends, list) and ends else None
+    values = {key: raw for key, raw in asked.items() if key in needed and raw is not None}
+    return case.set(mechanisms=top["mechanisms"], **values)

@@ -9,15 +9,16 @@ from __future__ import annotations
 
 import math
 import os
-from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
-from cutbench.base.errors import BadInput
+from cutbench.base.errors import require
 from cutbench.base.files import check_writable
 from cutbench.base.progress import OnProgress, silent
-from cutbench.base.toml import among, line_of, located, read_toml, refuse_other, written
+from cutbench.base.sections import SOME, Entry, read_section
+from cutbench.base.toml import read_toml
 from cutbench.case.case import Case, load_case
 from cutbench.run.pool.batch import Batch
 from cutbench.run.pool.worker import Run
@@ -40,8 +41,17 @@ MIN_DROP, MIN_SLOPE = 0.1, 0.07
 #: What the base is called, which has what its material and the study's [base] say.
 BASE = "as given"
 
-_TOP = ("title", "materials", "base", "change")
-_KINDS = ("refinement", "choice")
+_NAMES = 'a list of names, such as ["gelatin"]'
+_FILE = (
+    Entry("title", str, "a title in quotes"),
+    Entry("materials", str, _NAMES, needed=True, count=SOME),
+    Entry("base", dict, "a section [base] with what all runs have", default={}),
+    Entry("change", dict, "at least one section [[change]]", needed=True, count=SOME),
+)
+_CHANGE = (
+    Entry("name", str, "a name, such as 'h/2'", needed=True),
+    Entry("kind", default="refinement", choices=("refinement", "choice")),
+)
 
 
 @dataclass(frozen=True)
@@ -111,54 +121,34 @@ def load_plan(path: str | Path) -> ConvergencePlan:
     BadInput
         With file, line, key, value and what would be right.
     """
-    path = Path(path)
-    table, text = read_toml(path)
-    refuse_other(table, path, "change")
-    with located(path, text):
-        for key in table:
-            among(key, key, _TOP, value=str(table[key]))
-        names = table.get("materials", [])
-        if not isinstance(names, list) or not names or not all(isinstance(n, str) for n in names):
-            raise BadInput(key="materials", value=str(names), expected='a list of names, such as ["gelatin"]')
-        base = table.get("base", {})
-        if not isinstance(base, dict):
-            raise BadInput(key="base", value=str(base), expected="a section [base] with what all runs have")
-        entries = table.get("change", [])
-        if not isinstance(entries, list) or not entries or not all(isinstance(e, dict) for e in entries):
-            raise BadInput(key="change", value=str(entries)[:40], expected="at least one section [[change]]")
-        changes = tuple(_change(entry, n, names) for n, entry in enumerate(entries, start=1))
-        for name, count in Counter(c.name for c in changes).items():
-            if count > 1:
-                raise BadInput(key="name", value=name, expected="each name once")
-        cases = {}
-        for material in names:
-            with located(path, text, "base"):
-                start = load_case(material).set(**base)
-            cases[material] = {"": start} | {
-                c.name: _set(start, c, path, text) for c in changes if material in (c.materials or names)
-            }
-    return ConvergencePlan(path, str(table.get("title", path.stem)), changes, cases)
+    file = read_toml(path, "change")
+    with file.at():
+        top = read_section(file.table, _FILE)
+    materials, changes = top["materials"], []
+    for number, section in enumerate(top["change"]):
+        with file.at("change", number, f"change {number + 1}: "):
+            changes.append(_change(section, materials))
+            name = changes[-1].name
+            require(name not in [each.name for each in changes[:-1]], "name", name, "each name once")
+    cases = {}
+    for material in materials:
+        with file.at("base"):
+            start = load_case(material).set(**top["base"])
+        cases[material] = {"": start}
+        for number, change in enumerate(changes):
+            if material in (change.materials or materials):
+                with file.at("change", number, f"{change.name}: "):
+                    cases[material][change.name] = start.set(**change.values)
+    return ConvergencePlan(file.path, top["title"] or file.path.stem, tuple(changes), cases)
 
 
-def _change(entry: dict, number: int, names: list[str]) -> NumericalChange:
-    name, kind = entry.get("name"), entry.get("kind", "refinement")
-    name = written(f"change {number}: name", name, "a name, such as 'h/2'", value=str(name))
-    among("kind", kind, _KINDS)
-    only = entry.get("materials", [])
-    if not isinstance(only, list) or any(m not in names for m in only):
-        raise BadInput(key=f"{name}: materials", value=str(only), expected=f"a list of some of {names}")
-    values = {key: value for key, value in entry.items() if key not in ("name", "kind", "materials")}
-    if not values:
-        raise BadInput(key=f"change {number}: {name}", value="(empty)", expected="something that it sets")
-    return NumericalChange(name, kind == "refinement", values, tuple(only))
-
-
-def _set(start: Case, change: NumericalChange, path: Path, text: str) -> Case:
-    try:
-        return start.set(**{("with_" if k == "with" else k): v for k, v in change.values.items()})
-    except BadInput as error:
-        place, key = line_of(text, error.key), f"{change.name}: {error.key}"
-        raise BadInput(key, error.value, error.expected, file=str(path), line=place) from error
+def _change(section: Mapping[str, Any], materials: Sequence[str]) -> NumericalChange:
+    name, kind = (each.of(section) for each in _CHANGE)
+    some = Entry("materials", default=(), choices=materials, count=(0, math.inf))
+    only = some.of(section)
+    values = {key: raw for key, raw in section.items() if key not in ("name", "kind", "materials")}
+    require(values, name, "(empty)", "something that it sets")
+    return NumericalChange(name, kind == "refinement", values, only)
 
 
 def compute(
