@@ -1,4 +1,4 @@
-"""Docstrings of what is exported at the top: one sentence, sections that fit the signature, examples that run."""
+"""What the top exports has docstrings: one sentence, sections that fit the signature, examples that run."""
 
 from __future__ import annotations
 

@@ -62,7 +62,7 @@ class RunDatabase:
     _curves: dict[tuple, AlignedCurves] = field(default_factory=dict)
 
     def add(self, case: Case, course: np.ndarray, onset_mm: float = math.nan) -> None:
-        """Take up a run, where its case has units and its curve more than one point. With ``course`` (3, n)."""
+        """Take up a run, where its case has units and ``course`` (3, n) more than one point."""
         if course.shape[1] > 1 and Groups.of(case) is not None:
             x = course[2] * case.values["speed"] if case.motion else course[0]
             # Where the blade goes back, curves are laid over each other by the time alone.
