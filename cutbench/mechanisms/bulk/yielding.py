@@ -80,19 +80,34 @@ class Yielding(Bulk):
     def start(self, n, p):
         return {"metric_Y": _branch.start(n)}
 
+    def _invariants(self, F, state):
+        """Those of C̄ C_i,old⁻¹ (N,)."""
+        C, metric = det(F) ** (-2 / 3) * product(F.transpose(1, 0, 2), F), state["metric_Y"]
+        return (C * cofactor(metric)).sum(axis=(0, 1)), (cofactor(C) * metric).sum(axis=(0, 1))
+
     def _branch(self, F, p, state, at):
         metric = state["metric_Y"]
         if at.held:
             return _branch.Branch(F, metric, None)
-        C = det(F) ** (-2 / 3) * product(F.transpose(1, 0, 2), F)
-        inverse = cofactor(metric)
-        I1, I2 = (C * inverse).sum(axis=(0, 1)), (cofactor(C) * metric).sum(axis=(0, 1))
         modulus = p.G * np.where(np.real(p.g_Y) > 0, p.g_Y, 1e-12)
-        return _branch.Branch(F, metric, _flow(I1, I2, np.sqrt(2 / 3) * p.sigma_Y / modulus))
+        s = _flow(*self._invariants(F, state), np.sqrt(2 / 3) * p.sigma_Y / modulus)
+        return _branch.Branch(F, metric, s)
 
     def stress(self, F, p, state, at):
         branch = self._branch(F, p, state, at)
         return p.g_Y * p.G * branch.stress, {"metric_Y": branch.metric}
+
+    def tangent(self, F, p, state, at, dim):
+        branch = self._branch(F, p, state, at)
+        A = branch.tangent(dim)
+        if not at.held:
+            # s changes as the drive stays: with it P by its slope along s, which is the drive's by F.
+            s = branch.s
+            drive = _drive(s + 1j * STEP, *self._invariants(F, state))
+            along = _branch.Branch(F, state["metric_Y"], s + 1j * STEP).stress[:dim, :dim].imag / STEP
+            lost = np.where(s > 0, 2 / (drive.real * drive.imag / STEP), 0.0)
+            A = A + lost * along[:, :, None, None] * along[None, None]
+        return p.g_Y * p.G * A
 
     def energy(self, F, p, state, at):
         return p.g_Y * p.G * _branch.Branch(F, state["metric_Y"], None).energy
