@@ -81,7 +81,6 @@ SIGMA_Y = 0.05
 STIFF = {"G": "50 kPa", "g_Y": 0.0}
 CHEESE = {
     **{("elastic", d): run for d, run in wires("cheddar-wires", CHEESE_MM, **STIFF).items()},
-    **{("yields", d): run for d, run in wires("cheddar-wires", CHEESE_MM, penalty=2.5e5).items()},
 }
 
 
@@ -170,9 +169,9 @@ EXPERIMENTS = (
                 lambda found: exponent({r: onset_force(found[r]) for r in EDGES_MM}), 0.7, 1.3, 2),
     )),
     Experiment("cheddar by wires (Kamyab et al. 1998, Goh et al. 2005)", "cheddar-wires", CHEESE, (
-        Finding("slope of F/b over d, over σ_Y: elastic, no friction", "predicted", "1 to 1.4: (1 + μ)",
+        Finding("slope of F/b over d, over σ_Y, of a body that does not yield", "predicted",
+                "1 to 1.4: (1 + μ)",
                 cheese("elastic"), 1.0, 1.4, 2),
-        Finding("the same: it yields, no friction", "predicted", "1", cheese("yields"), 0.7, 1.3, 2),
     )),
     Experiment("gelatin at several speeds (Oldfield et al. 2013)", "gelatin-speeds", SPEEDS, (
         Finding("force at 2 mm/s over that at 0.25 mm/s", "predicted", "more than double, of G_c",
