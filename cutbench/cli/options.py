@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cutbench.cli.progress import bar
-from cutbench.cli.show import loudness, show
+from cutbench.cli.terminal import loudness, show
 
 if TYPE_CHECKING:
     from cutbench.base.progress import Pace

@@ -14,7 +14,6 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -25,14 +24,15 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.special import ndtr
 
 from cutbench.base.errors import BadInput
-from cutbench.base.files import replacing
+from cutbench.base.files import write_text
 from cutbench.base.greek import plain_formula, plain_symbol
+from cutbench.base.report import Table, filled, packaged_text
 from cutbench.base.units import Parameter
 from cutbench.case.case import Case
 from cutbench.case.physics import Physics
 from cutbench.maps.axes import Axis
 from cutbench.maps.boundary_line import shown_strips
-from cutbench.maps.closed_form_estimates import estimated_margin
+from cutbench.maps.closed_form_estimates import margin_on_grid
 from cutbench.maps.dataset import (
     ESTIMATE,
     LABELS,
@@ -46,12 +46,13 @@ from cutbench.maps.dataset import (
 from cutbench.maps.guidance import MapReader
 from cutbench.maps.map_cases import computed_by, physics_by_place
 from cutbench.maps.plot_coordinates import DROP_COLOURS, SMALLEST_IN_LOG, between, drop_text
-from cutbench.mechanisms import registry
-from cutbench.run.figures.curve import NEGLIGIBLE, NO_MECHANISM, look_of, smooth_force
+from cutbench.run.figures.curve import ledger_shares, look_of, smooth_force, title_of
 from cutbench.run.measures import NOTED, UNCUT, forward
 from cutbench.run.result import Result
 from cutbench.run.store.runs import Store
 
+#: Where the parts of the page lie.
+_PLACE = "cutbench.maps"
 #: Of more runs than these the curves have half the points.
 _MAX_RUNS_IN_DETAIL = 300
 #: A curve is thinned until what is drawn is so near to it, relative to its largest force; to so many points
@@ -79,6 +80,7 @@ _TITLES = {
     "crossed_mm2": "crossed area",
     "snap_rel": "work in jumps",
 }
+_CLOSURE = "what the energy balance does not account for, relative to the work of the blade"
 #: Kinds of points where they are not the labels of runs.
 _KINDS = {NOT_COMPUTED: "not computed", UNCUT: "not cut"}
 TO_COME, NO_RUN = "to come", "no run of its own"
@@ -86,10 +88,7 @@ TO_COME, NO_RUN = "to come", "no run of its own"
 
 def save_page(data: xr.Dataset, store: Store | None, folder: str | Path) -> Path:
     """Write ``map.html`` into ``folder``; curves come from ``store``, and are missing without one."""
-    target = Path(folder) / "map.html"
-    with replacing(target) as draft:
-        draft.write_text(page(data, store), encoding="utf-8")
-    return target
+    return write_text(page(data, store), Path(folder) / "map.html")
 
 
 def page(data: xr.Dataset, store: Store | None) -> str:
@@ -98,22 +97,17 @@ def page(data: xr.Dataset, store: Store | None) -> str:
     # "</script>" in a title must not end the script.
     content = json.dumps(found, separators=(",", ":"), ensure_ascii=False).replace("<", "\\u003c")
     parts = {
-        "__TITLE__": escape(data.attrs["title"]),
-        "__BY__": escape(f"{data.attrs[ESTIMATE] or 'Computed'}; by {computed_by(data)}."),
-        "__STYLE__": _web("page.css"),
-        "__CONTROLS__": _controls(found),
-        "__MARKS__": _marks(found["points"]),
-        "__TABLE__": _table(data),
-        "__DATA__": content,
-        "__PLOTLY__": _web("plotly/plotly-cartesian.min.js"),
-        "__SCRIPT__": _web("page.js"),
+        "TITLE": escape(data.attrs["title"]),
+        "BY": escape(f"{data.attrs[ESTIMATE] or 'Computed'}; by {computed_by(data)}."),
+        "STYLE": packaged_text(_PLACE, "web/page.css"),
+        "CONTROLS": _controls(found),
+        "MARKS": _marks(found["points"]),
+        "TABLE": _table(data).html_rows(),
+        "DATA": content,
+        "PLOTLY": packaged_text(_PLACE, "web/plotly/plotly-cartesian.min.js"),
+        "SCRIPT": packaged_text(_PLACE, "web/page.js"),
     }
-    return re.sub("|".join(parts), lambda match: parts[match[0]], _web("page.html"))
-
-
-def _web(name: str) -> str:
-    """A part of the page as the package has it."""
-    return resources.files("cutbench.maps").joinpath("web", *name.split("/")).read_text(encoding="utf-8")
+    return filled(_PLACE, "web/page.html", parts)
 
 
 def contents(data: xr.Dataset, store: Store | None) -> dict:
@@ -142,7 +136,7 @@ def contents(data: xr.Dataset, store: Store | None) -> dict:
     drops = [run.number("drop_rel") or 0.0 for run in runs]
     drops += [z / PER for z in layers.get("drop", {}).get("z", ()) if z is not None]
     threshold = float(data.attrs["drop_threshold"])
-    looks = json.loads(_web("looks.json"))
+    looks = json.loads(packaged_text(_PLACE, "web/looks.json"))
     looks["shades"]["drop"]["colorbar"]["title"]["text"] = drop_text(data)
     return {
         "axes": [
@@ -240,59 +234,57 @@ class _Words:
         return f"{self.run.mark}{': ' if self.run.mark else ''}{self.run.kind}{falls}"
 
     def notes(self) -> str:
-        run, found = self.run, []
+        run = self.run
         reached, crossed, drag = (run.number(n) for n in ("reached_mm", "crossed_mm", "drag_steps"))
-        if run.differs:
-            found.append(f"not as on the map: {_html(plain_formula(run.differs))}")
-        if run.outcome not in ("", "done", OUTCOME_FLAGS[0]):
-            found.append(run.outcome + ("" if reached is None else f" at {_text(reached, 'mm')}"))
-        if message := str(run.columns.get("message", "")):
-            found.append(escape(message))
-        if crossed is not None:
-            found.append(f"its surface passes through itself from {_text(crossed, 'mm')} on")
-        if drag:
-            found.append(f"{drag:.0f} points of the curve needed raised damping")
-        if run.id and run.outcome != OUTCOME_FLAGS[0] and self.curve is None:
-            found.append("its curve is not here: the page was written without the folder of the runs")
-        if self.curve and self.curve["error"]:
-            found.append(f"lines stay within {_percent(self.curve['error'])} of the largest force or share")
-        return "; ".join(found)
+        fell_short, ended = run.outcome not in ("", "done", OUTCOME_FLAGS[0]), run.outcome != OUTCOME_FLAGS[0]
+        error = self.curve["error"] if self.curve else 0.0
+        notes = {
+            f"not as on the map: {_html(plain_formula(run.differs))}": run.differs,
+            run.outcome + ("" if reached is None else f" at {_text(reached, 'mm')}"): fell_short,
+            escape(str(run.columns.get("message", ""))): run.columns.get("message"),
+            f"its surface passes through itself from {_text(crossed, 'mm')} on": crossed is not None,
+            f"{drag or 0:.0f} points of the curve needed raised damping": drag,
+            "its curve is not here: the page was written without the folder of the runs": run.id
+            and ended
+            and self.curve is None,
+            f"lines stay within {_percent(error)} of the largest force or share": error,
+        }
+        return "; ".join(text for text, holds in notes.items() if holds)
 
     def rows(self, quantities: Sequence[_Quantity]) -> str:
         """The run's numbers as rows of a table."""
-        found, drawn = [_part("Where it is")], set()
-        known = {q.name: q for q in quantities}
+        drawn, known, places = set(), {q.name: q for q in quantities}, []
         for name, axis in self.axes.items():
-            cells, q = [_on_axis(axis, self.run.at[name])], known.get(name)
+            q = known.get(name)
             drawn.add(plain_symbol(axis.symbol) if q is None else q.parameter.symbol)
-            pair = q and q.values(self.physics)
-            if q and pair and q.symbol != q.parameter.symbol:
-                cells.append(q.said(pair[1]))
+            said = [q.said(self.physics)] if q and q.symbol != q.parameter.symbol else []
             symbol = "" if axis.mechanism else plain_symbol(axis.symbol)
-            found.append(_row(_label(axis), symbol, cells, axis.long_name))
+            places.append(
+                _row(_label(axis), symbol, [_on_axis(axis, self.run.at[name]), *said], axis.long_name)
+            )
         for q in quantities:
             pair = q.values(self.physics)
             if pair and q.parameter.symbol not in drawn:
                 own = q.symbol == q.parameter.symbol
                 title = q.parameter.doc if own else q.name.replace("_", " ")
-                cells = [_text(pair[0], q.unit), *([] if own else [q.said(pair[1])])]
-                found.append(_row(title, q.symbol, cells, q.parameter.doc))
+                cells = [_text(pair[0], q.unit), *([] if own else [q.said(self.physics)])]
+                places.append(_row(title, q.symbol, cells, q.parameter.doc))
         if not self.run.outcome:
-            return "".join(found)
-        found.append(_part("What was found"))
-        for name, (unit, meaning) in NUMBERS.items():
-            value = self.run.number(name)
-            if value is not None and not (name in NOTED and value == 0):
-                found.append(_row(_title(name), "", [_text(value, unit)], meaning))
+            return _part("Where it is") + "".join(places)
         closure = math.nan if self.result is None else float(self.result.measures.get("closure", math.nan))
-        if math.isfinite(closure):
-            meaning = "what the energy balance does not account for, relative to the work of the blade"
-            found.append(_row("closure", "", [_percent(closure)], meaning))
-        if (reached := self.run.number("reached_mm")) is not None:
-            found.append(_row("reached", "", [_text(reached, "mm")], "blade travel reached"))
-        if self.run.id:
-            found.append(_row("run", "", [self.run.id], "its folder in the store"))
-        return "".join(found)
+        numbers = [(name, self.run.number(name), *about) for name, about in NUMBERS.items()]
+        entries = [
+            (_title(name), _text(value, unit), meaning)
+            for name, value, unit, meaning in numbers
+            if value is not None and not (name in NOTED and value == 0)
+        ]
+        entries += [
+            ("closure", _percent(closure) if math.isfinite(closure) else "", _CLOSURE),
+            ("reached", _text(self.run.number("reached_mm"), "mm").strip("–"), "blade travel reached"),
+            ("run", self.run.id, "its folder in the store"),
+        ]
+        found = [_row(title, "", [text], meaning) for title, text, meaning in entries if text]
+        return "".join([_part("Where it is"), *places, _part("What was found"), *found])
 
     def spots(self) -> list[tuple[float, float, str]]:
         """Onset and peak on the curve: travel (mm), force (N), name."""
@@ -328,9 +320,10 @@ class _Quantity:
         own = physics.values[name] / physics.model.parameters()[name].factor
         return (group.value(physics.p) if group else own), own
 
-    def said(self, value: float) -> str:
-        """The parameter in an equation."""
-        return f"{_html(self.parameter.symbol)} = {_text(value, self.parameter.unit)}"
+    def said(self, physics: Physics | Case | None) -> str:
+        """The parameter in an equation; nothing where a model has none."""
+        pair = self.values(physics)
+        return f"{_html(self.parameter.symbol)} = {_text(pair[1], self.parameter.unit)}" if pair else ""
 
 
 def _physics_of(
@@ -449,20 +442,19 @@ def _controls(found: dict) -> str:
         inner = "".join(f'<option value="{value}">{escape(name)}</option>' for value, name in options.items())
         return f'<label>{text} <select id="{id}">{inner}</select></label>'
 
-    axes, parts = found["axes"], []
+    axes, plane = found["axes"], found["y"] >= 0
     labels = {k: axis["label"] for k, axis in enumerate(axes)}
-    if found["y"] >= 0:
-        parts += [select("x", "across", labels), select("y", "up", labels)]
-        if found["layers"]:
-            shades = {"drop": "force drop", "chance": "chance of abrupt", "none": "nothing"}
-            there = {n: text for n, text in shades.items() if n in found["layers"] or n == "none"}
-            parts.append(select("shade", "shading", there))
-    for k, axis in enumerate(axes):
-        parts.append(
+    shades = {"drop": "force drop", "chance": "chance of abrupt", "none": "nothing"}
+    shades = {name: text for name, text in shades.items() if name in found["layers"] or name == "none"}
+    return "".join([
+        *([select("x", "across", labels), select("y", "up", labels)] if plane else []),
+        *([select("shade", "shading", shades)] if plane and found["layers"] else []),
+        *(
             f'<label class="level" data-axis="{k}">{escape(axis["label"])} <output></output>'
             f'<input type="range" min="0" max="{len(axis["levels"]) - 1}" id="level-{axis["name"]}"></label>'
-        )
-    return "".join(parts)
+            for k, axis in enumerate(axes)
+        ),
+    ])  # fmt: skip
 
 
 def _marks(points: Sequence[dict]) -> str:
@@ -476,21 +468,18 @@ def _marks(points: Sequence[dict]) -> str:
     return f'<section id="marks"><h2>Materials</h2><ul>{"".join(lines)}</ul></section>' if lines else ""
 
 
-def _table(data: xr.Dataset) -> str:
+def _table(data: xr.Dataset) -> Table:
     """All runs, a row each."""
     axes = [axis_of(data, name) for name in axes_of(data)]
     numbers = [name for name in NUMBERS if name in data]
     heads = ["material", *(_label(axis) + _in(axis.unit) for axis in axes), "regime"]
     heads += [*(_title(name) + _in(NUMBERS[name][0]) for name in numbers), "reached [mm]", "end", "run"]
-    rows = []
-    for run in _runs(data):
-        if run.outcome:
-            cells = [run.mark, *(_on_axis(axis, run.at[axis.name]) for axis in axes), run.kind]
-            cells += [*(_text(run.number(name)) for name in numbers), _text(run.number("reached_mm"))]
-            cells += [run.outcome, run.id]
-            rows.append(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in cells)}</tr>")
-    head = "".join(f'<th scope="col">{escape(text)}</th>' for text in heads)
-    return f"<thead><tr>{head}</tr></thead><tbody>{''.join(rows)}</tbody>"
+    rows = [
+        [run.mark, *(_on_axis(axis, run.at[axis.name]) for axis in axes), run.kind,
+         *(_text(run.number(name)) for name in (*numbers, "reached_mm")), run.outcome, run.id]
+        for run in _runs(data) if run.outcome
+    ]  # fmt: skip
+    return Table(heads, rows)
 
 
 def _in(unit: str) -> str:
@@ -606,21 +595,17 @@ def _estimated_chance(data: xr.Dataset) -> dict | None:
 
 
 def _classical(data: xr.Dataset) -> dict[str, dict]:
-    shown, values = (data.attrs["plot_x"], data.attrs["plot_y"]), []
+    shown, values = (data.attrs["plot_x"], data.attrs["plot_y"]), {}
     for name in axes_of(data):
         v, axis = data[name].values, axis_of(data, name)
         if name in shown and v.size > 1 and not axis.mechanism:
             v = (np.geomspace if axis.scale == "log" else np.linspace)(v[0], v[-1], _ESTIMATED_POINTS)
         elif v.size > LEVELS:
             v = v[np.rint(np.linspace(0, v.size - 1, LEVELS)).astype(int)]
-        values.append([float(f"{u:.5g}") for u in v])
-    margin = estimated_margin(data)
-    if math.prod(map(len, values)) > _MAX_POINTS:
-        return {}
-    z = np.array([margin(dict(zip(axes_of(data), at, strict=True))) for at in itertools.product(*values)])
-    known = z[np.isfinite(z)]
-    there = known.size and known.min() < 0 <= known.max()
-    return {"classical": {"values": values, "z": _whole(z)}} if there else {}
+        values[name] = [float(f"{u:.5g}") for u in v]
+    small = math.prod(map(len, values.values())) <= _MAX_POINTS
+    z = margin_on_grid(data, values) if small else None
+    return {} if z is None else {"classical": {"values": [*values.values()], "z": _whole(z)}}
 
 
 def refined(axis: Axis, count: int) -> list[float]:
@@ -650,7 +635,8 @@ def curve_of(result: Result, points: int = MAX_CURVE_POINTS) -> dict | None:
         return None
     down, window = forward(d), result.case.values.get("thickness", 0.7) / 2
     travel = d[:down]
-    shares = _shares(result, travel, window) if down > 1 else {}
+    shares, small = ledger_shares(result, window, travel) if down > 1 else ({}, {})
+    shares |= {OTHERS: np.sum([*small.values()], axis=0)} if small else {}
     mean = smooth_force(travel, cumulative_trapezoid(force[:down], travel, initial=0), window, travel)
     lines = np.zeros((d.size, 2 + len(shares)))
     lines[:, 0] = force
@@ -679,27 +665,8 @@ def curve_of(result: Result, points: int = MAX_CURVE_POINTS) -> dict | None:
 
 def titles_of(names: Sequence[str]) -> dict[str, str]:
     """How a page calls the entries of a ledger."""
-    known = NO_MECHANISM | {OTHERS: "others, each small", REST: "left by the energy balance"}
-    laws = registry()
-    return {n: known.get(n) or (laws[n].title if n in laws else n.replace("_", " ")) for n in names}
-
-
-def _shares(result: Result, travel: np.ndarray, window: float) -> dict[str, np.ndarray]:
-    """Mean force of each entry of the ledger (N) at each point of the travel."""
-    largest = float(np.max(np.abs(result.force_N)))
-    shares, small = {}, np.zeros(travel.size)
-    for name in result.ledger:
-        work = result.curve.get(f"work_{name}_mJ")
-        if work is None:
-            # An entry's force is that of the step which ends there: work adds up over steps.
-            steps = result.curve[f"force_{name}_N"][1 : travel.size]
-            work = np.concatenate([[0.0], np.cumsum(np.diff(travel) * steps)])
-        share = smooth_force(travel, np.asarray(work, dtype=float)[: travel.size], window, travel)
-        if np.max(np.abs(share)) < NEGLIGIBLE * largest:
-            small += share
-        else:
-            shares[name] = share
-    return shares | ({OTHERS: small} if np.any(small) else {})
+    known = {OTHERS: "others, each small", REST: "left by the energy balance"}
+    return {name: known.get(name) or title_of(name) for name in names}
 
 
 def thinned(x: np.ndarray, lines: np.ndarray, near: float, points: int) -> tuple[np.ndarray, float]:

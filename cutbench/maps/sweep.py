@@ -33,7 +33,6 @@ from cutbench.maps.page import save_page
 from cutbench.maps.phase import save_phase
 from cutbench.maps.sampling_plan import plan_of
 from cutbench.maps.study import Study, load_study
-from cutbench.maps.uncertainty import strip_sentences
 from cutbench.run.pool.pool import Done, Job, TaskPool
 from cutbench.run.pool.worker import PoolLost, Run, WorkerLost, failure, work
 from cutbench.run.result import Result
@@ -116,7 +115,7 @@ class Sweep:
             )
         found += self.findings.lines()
         if not self.interrupted:
-            found += [*boundary_sentences(self.map), *strip_sentences(self.map)]
+            found += boundary_sentences(self.map)
         return [*found, self.verdict] if self.verdict else found
 
 

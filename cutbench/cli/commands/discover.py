@@ -42,8 +42,7 @@ def discover(
 
     from cutbench.calibration.fitting import INTERRUPTED
     from cutbench.discovery import discover as run
-    from cutbench.discovery.page import write_discovery
-    from cutbench.discovery.report import summary
+    from cutbench.discovery.report import summary, write_discovery
 
     with bar("discover") as on_progress:
         store = folder / "runs"

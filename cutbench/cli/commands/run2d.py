@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from cutbench.base.report import Table
 from cutbench.cli.options import RunRequest, finish, run_options, run_with_progress, with_exit_status
 from cutbench.cli.progress import bar
-from cutbench.cli.show import show, table
+from cutbench.cli.terminal import show
 
 if TYPE_CHECKING:
     from cutbench.run.result import Result
@@ -67,7 +68,7 @@ def _follow(result: Result, folder: Path) -> None:
         raise typer.Exit(130)
 
 
-def _limit(record: dict):
+def _limit(record: dict) -> Table:
     """The rows of follow.json's limit as a table."""
     columns = {"drop_rel": ".3f", "onset_mm": ".3f", "peak_N": ".4g", "peak_mm": ".3f"}
     rows = []
@@ -75,4 +76,4 @@ def _limit(record: dict):
         cells = ["-" if row[key] != row[key] else format(row[key], form) for key, form in columns.items()]
         rows.append((str(row["what"]), *cells))
     heads = ("", "drop", "onset (mm)", "peak (N)", "at (mm)")
-    return table(heads, rows, title="less and less viscosity", title_justify="center")
+    return Table(heads, rows, "less and less viscosity")
