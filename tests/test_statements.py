@@ -14,22 +14,22 @@ PACKAGE = Path(cutbench.__file__).parent
 #: Statements of each room without docstrings. Who makes a room smaller writes its number here; one grows only
 #: where another shrinks by as much.
 STATEMENTS = {
-    "base": 1394,
+    "base": 1406,
     "mechanisms": 2427,
     "case": 1567,
     "forms": 2822,
     "solver": 1820,
     "models2d": 133,
     "models3d": 225,
-    "run": 3995,
+    "run": 3991,
     "emulator": 818,
-    "maps": 3452,
+    "maps": 3397,
     "data": 2909,
     "homogeneous": 462,
     "calibration": 1578,
-    "discovery": 1504,
-    "app": 1135,
-    "cli": 1116,
+    "discovery": 1502,
+    "app": 1129,
+    "cli": 1091,
     "top": 61,
 }
 

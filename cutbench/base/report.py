@@ -5,11 +5,17 @@ Nothing else puts cells into lines or into HTML; the command line gives the same
 
 from __future__ import annotations
 
+import importlib
+import math
 import re
 from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from importlib import resources
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 def packaged_text(package: str, file: str) -> str:
@@ -27,6 +33,11 @@ def aligned(rows: Iterable[Sequence[str]]) -> list[str]:
     rows = list(rows)
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     return ["  ".join(f"{c:<{w}}" for c, w in zip(row, widths, strict=True)).rstrip() for row in rows]
+
+
+def number(value: float | None, form: str = "g") -> str:
+    """A number in a cell; a dash where there is none."""
+    return "-" if value is None or math.isnan(value) else format(value, form)
 
 
 @dataclass(frozen=True)
@@ -68,9 +79,10 @@ class Table:
 
 @dataclass(frozen=True)
 class Picture:
-    """What draws an SVG when it is asked to, and what is to be said of it."""
+    """What draws a figure when it is asked to, its name on the page, and what is to be said of it."""
 
-    svg: Callable[[], str]
+    draw: Callable[[], Figure]
+    name: str
     caption: str = ""
 
     def lines(self) -> list[str]:
@@ -79,7 +91,9 @@ class Picture:
 
     def html(self) -> str:
         """The drawing with its caption."""
-        return _wide(self.svg()) + _paragraph(self.caption, "hint")
+        # What draws is loaded where there is a page to be drawn.
+        svg = importlib.import_module("cutbench.base.figure_style").svg
+        return _wide(svg(self.draw(), self.name)) + _paragraph(self.caption, "hint")
 
 
 @dataclass(frozen=True)

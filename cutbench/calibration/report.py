@@ -30,12 +30,12 @@ SHOWN = 0.3
 
 def by_regime(c: ComparedCurve) -> dict[str, dict[str, float]]:
     """Range in mm, mean and root mean square of the residual in N, and the largest in standard deviations."""
-    names, found = ("from_mm", "to_mm", "bias_N", "rms_N", "largest_z"), {}
+    names, regimes = ("from_mm", "to_mm", "bias_N", "rms_N", "largest_z"), {}
     for name, mask in c.regimes().items():
         x, r = c.x[mask], c.residual[mask]
         values = x[0], x[-1], r.mean(), np.sqrt((r**2).mean()), np.abs(r / c.sd[mask]).max()
-        found[name] = dict(zip(names, map(float, values), strict=True))
-    return found
+        regimes[name] = dict(zip(names, map(float, values), strict=True))
+    return regimes
 
 
 def report(fit: Fit) -> Report:
@@ -43,7 +43,7 @@ def report(fit: Fit) -> Report:
     k, worst = len(fit.estimates), max((c.misfit for c in fit.compared), default=0.0)
     amiss = fit.done and not fit.far and (fit.reduced_chi2 > 2 or worst > AMISS)
     pairs = [(a, b, f"{value:+.2f}") for a, b, value in _pairs(fit)]
-    found = "parameters (95 % intervals)" if fit.done else "parameters, not estimated"
+    head = "parameters (95 % intervals)" if fit.done else "parameters, not estimated"
     values = (
         f"{fit.readings} values, {k} parameter{'s' * (k != 1)}, chi2 = {fit.chi2:.4g},"
         f" reduced {fit.reduced_chi2:.3g}, {fit.runs} cuts computed, {fit.seconds:.0f} s"
@@ -57,7 +57,7 @@ def report(fit: Fit) -> Report:
         [("model", fit.case.model.described), ("status", fit.message or fit.status), ("compared", values)],
         (fit.far, misses if amiss else ""),
         (
-            Chapter(found, [_parameters(fit)], brief=True),
+            Chapter(head, [_parameters(fit)], brief=True),
             Chapter(f"correlations above {SHOWN:g}", [Table(("of", "and", "is"), pairs)]),
             Chapter("experiments", [_experiments(fit)], brief=True),
             Chapter("regimes", [_regimes(fit)]),
@@ -76,8 +76,8 @@ def _parameters(fit: Fit) -> Table:
         show = e.parameter.quantity.show
         relative = f" ({100 * e.sd / abs(e.value):.2g} %)" if e.value else ""
         flags = [text for is_so, text in ((e.at_bound, "at a bound"), (not e.moved, "not moved")) if is_so]
-        known = [f"{show(e.value)} +/- {show(e.sd)}{relative}", f"[{show(e.low)}, {show(e.high)}]"]
-        said = known if math.isfinite(e.sd) else [f"{show(e.value)} reached", ""]
+        estimate = [f"{show(e.value)} +/- {show(e.sd)}{relative}", f"[{show(e.low)}, {show(e.high)}]"]
+        said = estimate if math.isfinite(e.sd) else [f"{show(e.value)} reached", ""]
         rows.append((e.label, *said, f"start {show(e.parameter.start)}", ", ".join(flags)))
     left = [(label, f"left at its start: {reason}", "", "", "") for label, reason in fit.fixed.items()]
     return Table(("parameter", "value", "interval", "from", ""), [*rows, *left])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-import math
 import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -12,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cutbench.base.greek import plain_formula
-from cutbench.base.report import Table
+from cutbench.base.report import Table, number
 from cutbench.base.units import Parameter
 from cutbench.case import materials
 from cutbench.case.case import Case, load_case
@@ -47,8 +46,7 @@ def material_table() -> Sequence[str | Table]:
 
 
 def _group(case: Case, text: str) -> str:
-    value = case.groups().get(text)
-    return "-" if value is None else f"{value:.3g}"
+    return number(case.groups().get(text), ".3g")
 
 
 def _groups(case: Case) -> list[tuple[str, str]]:
@@ -95,7 +93,7 @@ def mechanism(name: str) -> Sequence[str | Table]:
     title = f"{m.title} ({m.name})"
     heads = ("parameter", "unit", "symbol", "range", "off at", "default", "what")
     rows = [
-        (q.name, q.unit, q.symbol, _range(q), _number(q.off), _number(q.default), q.doc) for q in m.parameters
+        (q.name, q.unit, q.symbol, _range(q), number(q.off), number(q.default), q.doc) for q in m.parameters
     ]
     # The texts of its groups are found by asking for them at some values.
     model = Model().with_(m.name)
@@ -128,22 +126,14 @@ def _range(q: Parameter) -> str:
     return q.range_text() if q.low is not None or q.high is not None else "any"
 
 
-def _number(value: float | None) -> str:
-    return "-" if value is None else f"{value:g}"
-
-
 def result_table(result: Result) -> Table:
     """What a run found, in the order in which a person asks; ``-v``: all measures and counters, too."""
     head, _, *lines = summary_lines(result)
     rows = [*lines, (), *_groups(result.case)]
     if verbose():
-        rows += [(), *((name, _measure(value, ".4g")) for name, value in result.measures.items())]
+        rows += [(), *((name, number(value, ".4g")) for name, value in result.measures.items())]
         rows += [(name, str(count)) for name, count in result.counts.items()]
     return Table(("", "value"), rows, head)
-
-
-def _measure(value: float | None, form: str) -> str:
-    return "-" if value is None or math.isnan(value) else format(value, form)
 
 
 def data_table(campaign: Campaign) -> Table:

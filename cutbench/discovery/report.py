@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 
-from cutbench.base.figure_style import svg
 from cutbench.base.files import check_writable, picked, write_json, write_text
 from cutbench.base.report import Chapter, Picture, Report, Table
 from cutbench.base.units import Parameter
@@ -89,9 +88,11 @@ def _answer(d: Discovery) -> str:
             f" candidates could not be tried: {reasons or 'there were none'}."
         )
     if d.verdict == "unexplained":
+        best = [f" Nearest came {cause_title(c.name)}: {'; '.join(c.doubts)}." for c in d.steps[0].compared]
+        nearest = best[0] if best else ""
         return (
             f"The baseline is wrong beyond the scatter (most in {place}), and none of the candidates explains"
-            f" it: the cause is unexplained.{_nearest_candidate(d)}"
+            f" it: the cause is unexplained.{nearest}"
         )
     physics = any(cause_of(n) == "mechanism" for n in d.names)
     part = "A part of what" if d.remains and d.rest > PARTIAL_EXPLANATION else "What"
@@ -113,12 +114,6 @@ def _confounded_with(d: Discovery) -> str:
         return ""
     it = cause_title(first.name) if len(d.found) > 1 else "it"
     return f"; these data cannot tell {it} from {' or '.join(cause_title(n) for n in others)}"
-
-
-def _nearest_candidate(d: Discovery) -> str:
-    """Which candidate came nearest, and why it is not named."""
-    best = next(iter(d.steps[0].compared), None)
-    return "" if best is None else f" Nearest came {cause_title(best.name)}: {'; '.join(best.doubts)}."
 
 
 def misfits(fitted: Estimated) -> dict[str, float]:
@@ -174,8 +169,8 @@ def report(d: Discovery) -> Report:
         "Band: measured mean ± two standard deviations (scatter between specimens, noise, and what the mesh"
         f" leaves open). Orange dashes: the baseline.{more} Below: measured less computed."
     )
-    drawn = Picture(lambda: svg(plot_curves(d), "curves"), caption)
-    ranked = [Picture(lambda: svg(plot_ranking(d), "ranking"))] if d.telling and d.telling.compared else []
+    drawn = Picture(lambda: plot_curves(d), "curves", caption)
+    ranked = [Picture(lambda: plot_ranking(d), "ranking")] if d.telling and d.telling.compared else []
     rounds: list[str | Table] = [_candidates(d, number, step) for number, step in enumerate(d.steps, 1)]
     chapters = [
         Chapter("What was found", [_causes(d)]),

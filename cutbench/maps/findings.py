@@ -8,13 +8,11 @@ import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import xarray as xr
 
 from cutbench.base.errors import BadInput
-from cutbench.base.files import write_text
 from cutbench.base.report import aligned
 from cutbench.case.physics import Physics
 from cutbench.case.values import CLAMP
@@ -143,11 +141,11 @@ def boundary_sentences(data: xr.Dataset) -> list[str]:
     return [f"boundary: {known if unsure else 'known to the tolerance everywhere (95 %)'}", *strips]
 
 
-def save_findings(data: xr.Dataset, folder: Path, more: Sequence[str] = ()) -> Path:
-    """Write ``summary.txt`` into ``folder``: the title, the findings, and ``more`` lines."""
+def summary_text(data: xr.Dataset, more: Sequence[str] = ()) -> str:
+    """What ``summary.txt`` holds: the title, the findings, and ``more`` lines."""
     found = findings(data)
     told = [*found.lines(), *boundary_sentences(data), *more]
-    return write_text("\n".join([data.attrs["title"], f"{found.runs} runs", *told]), folder / FILE)
+    return "\n".join([data.attrs["title"], f"{found.runs} runs", *told])
 
 
 def _physics(data: xr.Dataset) -> Physics | None:

@@ -12,9 +12,9 @@ import json
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from html import escape
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -24,8 +24,7 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.special import ndtr
 
 from cutbench.base.errors import BadInput
-from cutbench.base.files import write_text
-from cutbench.base.greek import plain_formula, plain_symbol
+from cutbench.base.greek import plain_formula, plain_symbol, subscripted
 from cutbench.base.report import Table, filled, packaged_text
 from cutbench.base.units import Parameter
 from cutbench.case.case import Case
@@ -39,9 +38,11 @@ from cutbench.maps.dataset import (
     NOT_COMPUTED,
     NUMBERS,
     OUTCOME_FLAGS,
+    MapRun,
     axes_of,
     axis_of,
     places_of,
+    runs_of,
 )
 from cutbench.maps.guidance import MapReader
 from cutbench.maps.map_cases import computed_by, physics_by_place
@@ -83,25 +84,23 @@ _TITLES = {
 _CLOSURE = "what the energy balance does not account for, relative to the work of the blade"
 #: Kinds of points where they are not the labels of runs.
 _KINDS = {NOT_COMPUTED: "not computed", UNCUT: "not cut"}
+#: A quantity of a run and the parameter that it sets; None where its model has none.
+Pair = tuple[float, float] | None
 TO_COME, NO_RUN = "to come", "no run of its own"
 
 
-def save_page(data: xr.Dataset, store: Store | None, folder: str | Path) -> Path:
-    """Write ``map.html`` into ``folder``; curves come from ``store``, and are missing without one."""
-    return write_text(page(data, store), Path(folder) / "map.html")
-
-
 def page(data: xr.Dataset, store: Store | None) -> str:
-    """The whole page as HTML, its data, its style and its scripts in it."""
-    found = contents(data, store)
+    """The whole page as HTML, its data, its style and its scripts in it; curves come from ``store``, and are
+    missing without one."""
+    drawn = contents(data, store)
     # "</script>" in a title must not end the script.
-    content = json.dumps(found, separators=(",", ":"), ensure_ascii=False).replace("<", "\\u003c")
+    content = json.dumps(drawn, separators=(",", ":"), ensure_ascii=False).replace("<", "\\u003c")
     parts = {
         "TITLE": escape(data.attrs["title"]),
         "BY": escape(f"{data.attrs[ESTIMATE] or 'Computed'}; by {computed_by(data)}."),
         "STYLE": packaged_text(_PLACE, "web/page.css"),
-        "CONTROLS": _controls(found),
-        "MARKS": _marks(found["points"]),
+        "CONTROLS": _controls(drawn),
+        "MARKS": _marks(drawn["points"]),
         "TABLE": _table(data).html_rows(),
         "DATA": content,
         "PLOTLY": packaged_text(_PLACE, "web/plotly/plotly-cartesian.min.js"),
@@ -112,7 +111,7 @@ def page(data: xr.Dataset, store: Store | None) -> str:
 
 def contents(data: xr.Dataset, store: Store | None) -> dict:
     """What the script draws, as plain data: axes, layers, strips, points with their curves and words."""
-    names, runs = axes_of(data), _runs(data)
+    names, runs = axes_of(data), runs_of(data)
     results = [store.get(run.id) if store is not None and run.id else None for run in runs]
     most = MAX_CURVE_POINTS if len(runs) <= _MAX_RUNS_IN_DETAIL else MAX_CURVE_POINTS // 2
     curves = [curve_of(result, most) if result else None for result in results]
@@ -121,19 +120,13 @@ def contents(data: xr.Dataset, store: Store | None) -> dict:
     layers, axes = layers_of(data), {name: axis_of(data, name) for name in names}
     physics = _physics_of(data, runs, results)
     quantities = _quantities(physics)
-    points = []
-    for run, result, curve, own in zip(runs, results, curves, physics, strict=True):
-        told = _Words(data, axes, run, result, curve, own)
-        points.append(
-            {
-                "id": run.id or f"mark-{run.mark}", "mark": run.mark, "kind": run.kind,
-                "at": [_short(run.at[name]) for name in names], "drop": run.number("drop_rel"),
-                "text": told.hover(), "head": told.head(), "notes": told.notes(),
-                "rows": told.rows(quantities), "curve": curve, "spots": told.spots(),
-            }
-        )  # fmt: skip
+    points = [
+        _point(run, axes, curve)
+        | {"rows": _rows(run, axes, result, [(q, q.values(own)) for q in quantities])}
+        for run, result, curve, own in zip(runs, results, curves, physics, strict=True)
+    ]
     ladder = layers["chance"]["values"] if "margin" in data and "chance" in layers else None
-    drops = [run.number("drop_rel") or 0.0 for run in runs]
+    drops = [_number(run, "drop_rel") or 0.0 for run in runs]
     drops += [z / PER for z in layers.get("drop", {}).get("z", ()) if z is not None]
     threshold = float(data.attrs["drop_threshold"])
     looks = json.loads(packaged_text(_PLACE, "web/looks.json"))
@@ -158,146 +151,92 @@ def contents(data: xr.Dataset, store: Store | None) -> dict:
     }
 
 
-@dataclass(frozen=True)
-class _Run:
-    """One run of a map, or the own run of a marked material: ``mark`` is its name, ``differs`` in what it is
-    not the map's. ``columns`` are the map's variables there; without a run (``id`` is empty) it has none."""
-
-    id: str
-    at: Mapping[str, float]
-    columns: Mapping[str, Any]
-    mark: str = ""
-    differs: str = ""
-
-    @property
-    def outcome(self) -> str:
-        """How it ended; empty without a run."""
-        return OUTCOME_FLAGS[int(self.columns["outcome"])] if self.columns else ""
-
-    @property
-    def kind(self) -> str:
-        """The regime in words, or why there is none."""
-        if not self.outcome or self.outcome == OUTCOME_FLAGS[0]:
-            return TO_COME if self.outcome else NO_RUN
-        label = LABELS[int(self.columns["label"])]
-        return _KINDS.get(label, label)
-
-    def number(self, name: str) -> float | None:
-        """One of its numbers; None where there is none."""
-        return _short(self.columns.get(name, math.nan))
+def _kind(run: MapRun) -> str:
+    """Its regime in words, or why there is none."""
+    if not run.outcome or run.outcome == OUTCOME_FLAGS[0]:
+        return TO_COME if run.outcome else NO_RUN
+    return _KINDS.get(run.label, run.label)
 
 
-def _runs(data: xr.Dataset) -> list[_Run]:
-    """All runs, then the marked materials."""
-    places, found = places_of(data), []
-    known = [n for n in (*NUMBERS, "label", "outcome", "reached_mm", "message", "run_id") if n in data]
-    columns = {name: data[name].values for name in known}
-    for index in np.argwhere(columns["run_id"] != ""):
-        i = tuple(index)
-        at = {name: float(values[i]) for name, values in places.items()}
-        found.append(_Run(str(columns["run_id"][i]), at, {name: v[i] for name, v in columns.items()}))
-    for mark in json.loads(data.attrs["marks"]):
-        at = {name: float(mark[name]) for name in places}
-        if "mark" in data.coords and mark["name"] in data["mark"].values:
-            own = data.sel(mark=mark["name"])
-            told = {name: own[f"mark_{name}"].item() for name in known if f"mark_{name}" in data}
-            found.append(_Run(told["run_id"], at, told, mark["name"], str(own["mark_differs"].item())))
-        else:
-            found.append(_Run("", at, {}, mark["name"]))
-    return found
+def _number(run: MapRun, name: str) -> float | None:
+    """One of its numbers; None where there is none."""
+    return _short(run.columns.get(name, math.nan))
 
 
-@dataclass(frozen=True)
-class _Words:
-    """What the page says of one run."""
+def _point(run: MapRun, axes: Mapping[str, Axis], curve: dict | None) -> dict:
+    """What the page says of one run, but for its numbers."""
+    drop, name = _number(run, "drop_rel"), f"{run.mark}: " if run.mark else ""
+    where = ", ".join(f"{_label(axis)} {_on_axis(axis, run.at[name])}" for name, axis in axes.items())
+    hover, head = (
+        "" if drop is None else f"{words} {_percent(drop)}"
+        for words in (", force drop", ": the force falls by")
+    )
+    return {
+        "id": run.id or f"mark-{run.mark}", "mark": run.mark, "kind": _kind(run),
+        "at": [_short(value) for value in run.at.values()], "drop": drop,
+        "text": f"{escape(name)}{_kind(run)}{hover}<br>{where}", "head": f"{name}{_kind(run)}{head}",
+        "notes": _notes(run, curve), "curve": curve, "spots": _spots(run, curve),
+    }  # fmt: skip
 
-    data: xr.Dataset
-    axes: Mapping[str, Axis]
-    run: _Run
-    result: Result | None
-    curve: dict | None
-    physics: Physics | Case | None
 
-    def where(self) -> str:
-        at = self.run.at
-        return ", ".join(f"{_label(axis)} {_on_axis(axis, at[name])}" for name, axis in self.axes.items())
+def _notes(run: MapRun, curve: dict | None) -> str:
+    reached, crossed, drag = (_number(run, n) for n in ("reached_mm", "crossed_mm", "drag_steps"))
+    message, error = str(run.columns.get("message", "")), curve["error"] if curve else 0.0
+    without = "its curve is not here: the page was written without the folder of the runs"
+    notes = {
+        f"not as on the map: {subscripted(plain_formula(run.differs))}": run.differs,
+        run.outcome + ("" if reached is None else f" at {_text(reached, 'mm')}"):
+            run.outcome not in ("", "done", OUTCOME_FLAGS[0]),
+        escape(message): message,
+        f"its surface passes through itself from {_text(crossed, 'mm')} on": crossed is not None,
+        f"{drag or 0:.0f} points of the curve needed raised damping": drag,
+        without: run.id and run.outcome != OUTCOME_FLAGS[0] and curve is None,
+        f"lines stay within {_percent(error)} of the largest force or share": error,
+    }  # fmt: skip
+    return "; ".join(text for text, holds in notes.items() if holds)
 
-    def hover(self) -> str:
-        drop = self.run.number("drop_rel")
-        falls = "" if drop is None else f", force drop {_percent(drop)}"
-        name = f"{escape(self.run.mark)}: " if self.run.mark else ""
-        return f"{name}{self.run.kind}{falls}<br>{self.where()}"
 
-    def head(self) -> str:
-        drop = self.run.number("drop_rel")
-        falls = "" if drop is None else f": the force falls by {_percent(drop)}"
-        return f"{self.run.mark}{': ' if self.run.mark else ''}{self.run.kind}{falls}"
+def _rows(
+    run: MapRun, axes: Mapping[str, Axis], result: Result | None, quantities: Sequence[tuple[_Quantity, Pair]]
+) -> str:
+    """The run's numbers as rows of a table."""
+    drawn, known, rows = set(), {q.name: (q, pair) for q, pair in quantities}, [_part("Where it is")]
+    for name, axis in axes.items():
+        q, pair = known.get(name, (None, None))
+        drawn.add(plain_symbol(axis.symbol) if q is None else q.parameter.symbol)
+        cells = [_on_axis(axis, run.at[name]), *(q.said(pair) if q else [])]
+        symbol = "" if axis.mechanism else plain_symbol(axis.symbol)
+        rows.append(_row(_label(axis), symbol, cells, axis.long_name))
+    for q, pair in quantities:
+        if pair and q.parameter.symbol not in drawn:
+            title = q.parameter.doc if q.symbol == q.parameter.symbol else q.name.replace("_", " ")
+            rows.append(_row(title, q.symbol, [_text(pair[0], q.unit), *q.said(pair)], q.parameter.doc))
+    if not run.outcome:
+        return "".join(rows)
+    closure = math.nan if result is None else float(result.measures.get("closure", math.nan))
+    numbers = {name: _number(run, name) for name in NUMBERS}
+    entries = [
+        *((_title(name), _text(value, NUMBERS[name][0]), NUMBERS[name][1])
+          for name, value in numbers.items() if value or (value == 0 and name not in NOTED)),
+        ("closure", _percent(closure) if math.isfinite(closure) else "", _CLOSURE),
+        ("reached", _text(_number(run, "reached_mm"), "mm").strip("–"), "blade travel reached"),
+        ("run", run.id, "its folder in the store"),
+    ]  # fmt: skip
+    rows.append(_part("What was found"))
+    rows += [_row(title, "", [text], meaning) for title, text, meaning in entries if text]
+    return "".join(rows)
 
-    def notes(self) -> str:
-        run = self.run
-        reached, crossed, drag = (run.number(n) for n in ("reached_mm", "crossed_mm", "drag_steps"))
-        fell_short, ended = run.outcome not in ("", "done", OUTCOME_FLAGS[0]), run.outcome != OUTCOME_FLAGS[0]
-        error = self.curve["error"] if self.curve else 0.0
-        notes = {
-            f"not as on the map: {_html(plain_formula(run.differs))}": run.differs,
-            run.outcome + ("" if reached is None else f" at {_text(reached, 'mm')}"): fell_short,
-            escape(str(run.columns.get("message", ""))): run.columns.get("message"),
-            f"its surface passes through itself from {_text(crossed, 'mm')} on": crossed is not None,
-            f"{drag or 0:.0f} points of the curve needed raised damping": drag,
-            "its curve is not here: the page was written without the folder of the runs": run.id
-            and ended
-            and self.curve is None,
-            f"lines stay within {_percent(error)} of the largest force or share": error,
-        }
-        return "; ".join(text for text, holds in notes.items() if holds)
 
-    def rows(self, quantities: Sequence[_Quantity]) -> str:
-        """The run's numbers as rows of a table."""
-        drawn, known, places = set(), {q.name: q for q in quantities}, []
-        for name, axis in self.axes.items():
-            q = known.get(name)
-            drawn.add(plain_symbol(axis.symbol) if q is None else q.parameter.symbol)
-            said = [q.said(self.physics)] if q and q.symbol != q.parameter.symbol else []
-            symbol = "" if axis.mechanism else plain_symbol(axis.symbol)
-            places.append(
-                _row(_label(axis), symbol, [_on_axis(axis, self.run.at[name]), *said], axis.long_name)
-            )
-        for q in quantities:
-            pair = q.values(self.physics)
-            if pair and q.parameter.symbol not in drawn:
-                own = q.symbol == q.parameter.symbol
-                title = q.parameter.doc if own else q.name.replace("_", " ")
-                cells = [_text(pair[0], q.unit), *([] if own else [q.said(self.physics)])]
-                places.append(_row(title, q.symbol, cells, q.parameter.doc))
-        if not self.run.outcome:
-            return _part("Where it is") + "".join(places)
-        closure = math.nan if self.result is None else float(self.result.measures.get("closure", math.nan))
-        numbers = [(name, self.run.number(name), *about) for name, about in NUMBERS.items()]
-        entries = [
-            (_title(name), _text(value, unit), meaning)
-            for name, value, unit, meaning in numbers
-            if value is not None and not (name in NOTED and value == 0)
-        ]
-        entries += [
-            ("closure", _percent(closure) if math.isfinite(closure) else "", _CLOSURE),
-            ("reached", _text(self.run.number("reached_mm"), "mm").strip("–"), "blade travel reached"),
-            ("run", self.run.id, "its folder in the store"),
-        ]
-        found = [_row(title, "", [text], meaning) for title, text, meaning in entries if text]
-        return "".join([_part("Where it is"), *places, _part("What was found"), *found])
-
-    def spots(self) -> list[tuple[float, float, str]]:
-        """Onset and peak on the curve: travel (mm), force (N), name."""
-        if self.curve is None:
-            return []
-        d, force = np.array(self.curve["d"]), self.curve["scale"] * np.array(self.curve["force"])
-        down = len(self.curve["mean"])
-        found = ((self.run.number(f"{name}_mm"), name) for name in ("onset", "peak"))
-        return [
-            (at, float(f"{np.interp(at, d[:down], force[:down]):.4g}"), name)
-            for at, name in found
-            if at is not None and at <= d[-1]
-        ]
+def _spots(run: MapRun, curve: dict | None) -> list[tuple[float, float, str]]:
+    """Onset and peak on the curve: travel (mm), force (N), name."""
+    if curve is None:
+        return []
+    d, force, down = np.array(curve["d"]), curve["scale"] * np.array(curve["force"]), len(curve["mean"])
+    return [
+        (at, float(f"{np.interp(at, d[:down], force[:down]):.4g}"), name)
+        for at, name in ((_number(run, f"{name}_mm"), name) for name in ("onset", "peak"))
+        if at is not None and at <= d[-1]
+    ]
 
 
 @dataclass(frozen=True)
@@ -309,7 +248,7 @@ class _Quantity:
     unit: str
     parameter: Parameter
 
-    def values(self, physics: Physics | Case | None) -> tuple[float, float] | None:
+    def values(self, physics: Physics | Case | None) -> Pair:
         """The group and the parameter, in their units; None where a model has none."""
         if physics is None:
             return None
@@ -320,37 +259,37 @@ class _Quantity:
         own = physics.values[name] / physics.model.parameters()[name].factor
         return (group.value(physics.p) if group else own), own
 
-    def said(self, physics: Physics | Case | None) -> str:
-        """The parameter in an equation; nothing where a model has none."""
-        pair = self.values(physics)
-        return f"{_html(self.parameter.symbol)} = {_text(pair[1], self.parameter.unit)}" if pair else ""
+    def said(self, pair: Pair) -> list[str]:
+        """The parameter in an equation; nothing where a model has none, or it is the quantity itself."""
+        symbol, unit = self.parameter.symbol, self.parameter.unit
+        return [f"{subscripted(symbol)} = {_text(pair[1], unit)}"] if pair and symbol != self.symbol else []
 
 
 def _physics_of(
-    data: xr.Dataset, runs: Sequence[_Run], results: Sequence[Result | None]
+    data: xr.Dataset, runs: Sequence[MapRun], results: Sequence[Result | None]
 ) -> list[Physics | Case | None]:
     """Laws and values of each run; None where a place stands for none that this cutbench knows."""
     try:
         by_place = physics_by_place(data)
     except BadInput:
         return [None] * len(runs)
-    found: list[Physics | Case | None] = []
+    physics: list[Physics | Case | None] = []
     for run, result in zip(runs, results, strict=True):
         try:
-            found.append(result.case if result else by_place(run.at) if not run.mark else None)
+            physics.append(result.case if result else by_place(run.at) if not run.mark else None)
         except BadInput:
-            found.append(None)
-    return found
+            physics.append(None)
+    return physics
 
 
 def _quantities(physics: Iterable[Physics | Case | None]) -> list[_Quantity]:
     """The groups of the runs' laws, and what they are made of and none sets, which makes values of them."""
     models = {p.model for p in physics if p is not None}
     known = {n: q for model in models for n, q in model.parameters().items()}
-    made = {n: g for model in models for n, g in model.settable_groups().items()}
-    scales = {n for g in made.values() for n in g.needs} - {g.parameter for g in made.values()}
-    found = [_Quantity(n, plain_symbol(g.symbol), g.unit, known[g.parameter]) for n, g in made.items()]
-    return found + [_Quantity(n, q.symbol, q.unit, q) for n, q in known.items() if n in scales]
+    groups = {n: g for model in models for n, g in model.settable_groups().items()}
+    scales = {n for g in groups.values() for n in g.needs} - {g.parameter for g in groups.values()}
+    settable = [_Quantity(n, plain_symbol(g.symbol), g.unit, known[g.parameter]) for n, g in groups.items()]
+    return settable + [_Quantity(n, q.symbol, q.unit, q) for n, q in known.items() if n in scales]
 
 
 # -- words and tables -------------------------------------------------------------------------------------
@@ -363,11 +302,6 @@ def _text(value: float | None, unit: str = "") -> str:
 
 def _percent(part: float) -> str:
     return f"{100 * part:.2g}\u00a0%".replace("1e+02", "100")
-
-
-def _html(symbol: str) -> str:
-    """Plain text with its subscripts: G_c/δ_c."""
-    return re.sub(r"_(\w+)", r"<sub>\1</sub>", escape(symbol))
 
 
 def _label(axis: Axis) -> str:
@@ -388,7 +322,7 @@ def _part(title: str) -> str:
 
 def _row(title: str, symbol: str, cells: Sequence[str], meaning: str) -> str:
     tail = "".join(f"<td>{cell}</td>" for cell in cells)
-    name = f"{escape(title)} {_html(symbol)}".strip()
+    name = f"{escape(title)} {subscripted(symbol)}".strip()
     return f'<tr title="{escape(meaning)}"><th scope="row">{name}</th>{tail}</tr>'
 
 
@@ -412,7 +346,11 @@ def _axis(axis: Axis, values: Any) -> dict:
     plotly draws it."""
     levels = np.unique([_short(v) for v in np.ravel(values) if np.isfinite(v)]).tolist()
     unit = "" if axis.unit == "1" else f" [{axis.unit.replace('^2', '²')}]"
-    title = axis.long_name if axis.mechanism else f"{axis.long_name} {_html(plain_symbol(axis.symbol))}{unit}"
+    title = (
+        axis.long_name
+        if axis.mechanism
+        else f"{axis.long_name} {subscripted(plain_symbol(axis.symbol))}{unit}"
+    )
     ticks = list(axis.values) if axis.mechanism else _ticks(axis)
     texts = [_on_axis(axis, v) if axis.mechanism else f"{v:g}" for v in ticks]
     layout = {"title": {"text": title}, "type": axis.scale, "showgrid": False, "zeroline": False}
@@ -431,24 +369,24 @@ def _ticks(axis: Axis) -> list[float]:
     low, high = axis.values[0], axis.values[-1]
     decades = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
     within = (1, 2, 5) if len(decades) < 4 else (1,)
-    found = [float(f"{m * 10.0**k:.6g}") for k in decades for m in within]
-    return [tick for tick in found if low / 1.3 <= tick <= high * 1.3]
+    round_numbers = [float(f"{m * 10.0**k:.6g}") for k in decades for m in within]
+    return [tick for tick in round_numbers if low / 1.3 <= tick <= high * 1.3]
 
 
-def _controls(found: dict) -> str:
+def _controls(drawn: dict) -> str:
     """Which axes are across and up, the shading, and a slider for each other axis."""
 
     def select(id: str, text: str, options: Mapping[Any, str]) -> str:
         inner = "".join(f'<option value="{value}">{escape(name)}</option>' for value, name in options.items())
         return f'<label>{text} <select id="{id}">{inner}</select></label>'
 
-    axes, plane = found["axes"], found["y"] >= 0
+    axes, plane = drawn["axes"], drawn["y"] >= 0
     labels = {k: axis["label"] for k, axis in enumerate(axes)}
     shades = {"drop": "force drop", "chance": "chance of abrupt", "none": "nothing"}
-    shades = {name: text for name, text in shades.items() if name in found["layers"] or name == "none"}
+    shades = {name: text for name, text in shades.items() if name in drawn["layers"] or name == "none"}
     return "".join([
         *([select("x", "across", labels), select("y", "up", labels)] if plane else []),
-        *([select("shade", "shading", shades)] if plane and found["layers"] else []),
+        *([select("shade", "shading", shades)] if plane and drawn["layers"] else []),
         *(
             f'<label class="level" data-axis="{k}">{escape(axis["label"])} <output></output>'
             f'<input type="range" min="0" max="{len(axis["levels"]) - 1}" id="level-{axis["name"]}"></label>'
@@ -475,9 +413,9 @@ def _table(data: xr.Dataset) -> Table:
     heads = ["material", *(_label(axis) + _in(axis.unit) for axis in axes), "regime"]
     heads += [*(_title(name) + _in(NUMBERS[name][0]) for name in numbers), "reached [mm]", "end", "run"]
     rows = [
-        [run.mark, *(_on_axis(axis, run.at[axis.name]) for axis in axes), run.kind,
-         *(_text(run.number(name)) for name in (*numbers, "reached_mm")), run.outcome, run.id]
-        for run in _runs(data) if run.outcome
+        [run.mark, *(_on_axis(axis, run.at[axis.name]) for axis in axes), _kind(run),
+         *(_text(_number(run, name)) for name in (*numbers, "reached_mm")), run.outcome, run.id]
+        for run in runs_of(data) if run.outcome
     ]  # fmt: skip
     return Table(heads, rows)
 
@@ -510,10 +448,10 @@ def layers_of(data: xr.Dataset) -> dict[str, dict]:
             "drop": _layer(part, z=between(data, "drop_rel").isel(_pick(data))),
             "chance": _layer(part, over=_over(part["margin"]), p=xr.apply_ufunc(_chance, *part.values())),
         } | _classical(data)
-    found = {"drop": _layer(data, z=data["drop_rel"]), "line": _layer(data, over=_line(data))}
+    layers = {"drop": _layer(data, z=data["drop_rel"]), "line": _layer(data, over=_line(data))}
     if (chance := _estimated_chance(data)) is not None:
-        found["chance"] = chance
-    return found | _classical(data)
+        layers["chance"] = chance
+    return layers | _classical(data)
 
 
 def _line(data: xr.Dataset) -> xr.DataArray:
@@ -568,30 +506,21 @@ def _estimated_chance(data: xr.Dataset) -> dict | None:
         values = [refined(axes[n], fine if n in shown else 0) for n in names]
         if math.prod(map(len, values)) <= _MAX_POINTS or not fine:
             break
-    shape = tuple(map(len, values))
-    margin, sd = np.full(shape, math.nan), np.full(shape, math.nan)
+    both = np.full((2, *map(len, values)), math.nan)
     switches = [k for k, n in enumerate(names) if axes[n].mechanism]
-    for chosen in itertools.product(*(range(shape[k]) for k in switches)):
-        where: list[slice | int] = [slice(None)] * len(names)
-        for k, i in zip(switches, chosen, strict=True):
-            where[k] = i
-        here: Mapping[str, float] = {names[k]: values[k][i] for k, i in zip(switches, chosen, strict=True)}
-        try:
-            reader = MapReader(data, dict(here))
-        except BadInput:
-            continue
-        free = [n for n in names if n not in here]
-        at = [
-            dict(zip(free, place, strict=True))
-            for place in itertools.product(*(values[names.index(n)] for n in free))
-        ]
-        mean, spread = reader.margin(at)
-        part = margin[tuple(where)].shape
-        margin[tuple(where)], sd[tuple(where)] = mean.reshape(part), spread.reshape(part)
-    if not np.isfinite(margin).any():
+    for chosen in itertools.product(*(range(len(values[k])) for k in switches)):
+        level = dict(zip(switches, chosen, strict=True))
+        free = [k for k in range(len(names)) if k not in level]
+        places = itertools.product(*(values[k] for k in free))
+        at = [{names[k]: value for k, value in zip(free, place, strict=True)} for place in places]
+        where = (slice(None), *(level.get(k, slice(None)) for k in range(len(names))))
+        with suppress(BadInput):
+            reader = MapReader(data, {names[k]: values[k][i] for k, i in level.items()})
+            both[where] = np.reshape(reader.margin(at), both[where].shape)
+    if not np.isfinite(both[0]).any():
         return None
     short = [[float(f"{v:.5g}") for v in some] for some in values]
-    return {"values": short, "over": _whole(_over(margin)), "p": _whole(_chance(margin, sd))}
+    return {"values": short, "over": _whole(_over(both[0])), "p": _whole(_chance(*both))}
 
 
 def _classical(data: xr.Dataset) -> dict[str, dict]:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from cutbench.base.report import Table
+from cutbench.base.report import Table, number
 from cutbench.base.threads import leave_cores_to_workers
 from cutbench.cli.options import (
     Depth,
@@ -79,7 +79,7 @@ def _table(found: Band) -> Table:
     rows = [
         [
             name,
-            *(_cell(result.measures.get(key)) for key in keys),
+            *(number(result.measures.get(key), ".3g") for key in keys),
             found.labels.get(name, result.outcome.kind),
         ]
         for name, result in found.results.items()
@@ -87,7 +87,3 @@ def _table(found: Band) -> Table:
     ranges = [f"{found.ranges[key].low:.3g} to {found.ranges[key].high:.3g}" for key in keys]
     rows += [[], ["range", *ranges, found.label]]
     return Table(["", *heads, ""], rows, found.case.name, right=heads)
-
-
-def _cell(value: float | None) -> str:
-    return "-" if value is None or value != value else f"{value:.3g}"

@@ -81,13 +81,13 @@ def dic(
 ) -> None:
     """Compute a section up to measured displacement fields: relative errors, strains, pictures."""
     from cutbench.base.errors import BadInput
-    from cutbench.base.figure_style import save
     from cutbench.base.files import csv_text, write_json, write_text
     from cutbench.base.units import parse_quantity
     from cutbench.cli.tables import field_points, field_table
     from cutbench.data.field_comparison import at_travel, compare
     from cutbench.data.fields import CONFIGURATIONS, read_fields
     from cutbench.data.figure import plot_dic
+    from cutbench.run.figures import save
     from cutbench.run.runner import run_case
 
     parts = [in_mm(part.strip()) for part in shift.split(",")]

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from cutbench.base.report import Table
+from cutbench.base.report import Table, number
 from cutbench.cli.options import (
     Element,
     Out,
@@ -64,8 +64,7 @@ def tension(
     with bar(case.name, "mm") as on_progress:
         test = run_tension(case, length, on_progress=on_progress)
     save_tension(test, folder)
-    values = {key: "-" if value != value else f"{value:.4g}" for key, value in test.measures.items()}
-    rows = [(key, values[key], unit, meaning) for key, (unit, meaning) in MEASURES.items()]
+    rows = [(key, number(test.measures[key], ".4g"), *about) for key, about in MEASURES.items()]
     said = f"{case.name}{f', notch {length:g} mm' if length else ', whole'}"
     show(Table(("number", "value", "unit", "meaning"), rows, said))
     typer.echo(str(test.outcome))

@@ -10,14 +10,12 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from html import escape
-from pathlib import Path
 
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.colors import Colormap, to_hex
 
 from cutbench.base.figure_style import FIELD_MAP
-from cutbench.base.files import write_text
 from cutbench.base.report import filled, packaged_text
 from cutbench.run.figures.block_picture import BLADE_GREY, DAMAGE_MAP, SEEN_DAMAGE, BlockScene, solid
 from cutbench.run.figures.cut_open import BLADE_SHOWN, CutOpen, cut_open
@@ -37,8 +35,8 @@ _COLOURS = 41
 _LIGHT, _EYE, _ZOOM, _LIFT, _ROOM = [0.9, 0.35], 1.6, 1.7, 0.004, 0.02
 
 
-def save_block_page(result: Result, folder: str | Path) -> Path:
-    """Write ``solid.html`` into ``folder``. Raises ValueError without a snapshot of a solid."""
+def block_page(result: Result) -> str:
+    """The whole page as HTML. Raises ValueError without a snapshot of a solid."""
     found = block_contents(result)
     parts = {
         "TITLE": escape(result.case.name),
@@ -50,7 +48,7 @@ def save_block_page(result: Result, folder: str | Path) -> Path:
         "PLOTLY": packaged_text(_PLACE, "web/plotly/plotly-gl3d.min.js"),
         "SCRIPT": packaged_text(_PLACE, "web/solid.js"),
     }
-    return write_text(filled(_PLACE, "web/solid.html", parts), Path(folder) / "solid.html")
+    return filled(_PLACE, "web/solid.html", parts)
 
 
 def block_contents(result: Result) -> dict:
