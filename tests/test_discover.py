@@ -17,8 +17,7 @@ from cutbench.case.case import load_case
 from cutbench.data.campaign import load_campaign
 from cutbench.discovery import discover
 from cutbench.discovery.comparison import FoundCause
-from cutbench.discovery.page import page, write_discovery
-from cutbench.discovery.report import summary, to_dict, verdict_sentence
+from cutbench.discovery.report import report, summary, to_dict, verdict_sentence, write_discovery
 from cutbench.discovery.score import tail_probability
 
 STUDIES = Path(__file__).parents[1] / "studies"
@@ -153,7 +152,7 @@ def test_rubber_stiffens_and_the_other_tests_gain():
     d = discover(load_campaign(STUDIES / "rubber" / "treloar.toml"), workers=0, on_stage=stages.append)
     assert d.verdict == "mechanism" and d.names[0] in ("gent", "yeoh")
     assert not stages[0].fit.done and stages[0].verdict == "undecided" and stages[-1].names == d.names
-    assert all("<svg" in page(stage) for stage in (stages[0], stages[-1]))
+    assert all("<svg" in report(stage).page() for stage in (stages[0], stages[-1]))
     assert d.held_out.how == "test experiments" and d.held_out.gain > 0.4
     grids = d.first.posterior.predictions.grids
     before, after = (
@@ -207,13 +206,13 @@ def test_the_page_calls_a_remainder_what_the_report_does(gent, p, significant):
     _, d = gent
     *before, last = d.steps
     left = replace(d, steps=(*before, replace(last, scores=replace(last.scores, p_residual=p))))
-    assert ("Nothing beyond" in page(left)) != significant
+    assert ("Nothing beyond" in report(left).page()) != significant
     assert to_dict(left)["residual"]["extended"]["significant"] == significant
 
 
 def test_the_page_stands_alone(gent):
     _, d = gent
-    text = page(d)
+    text = report(d).page()
     assert "__" not in text.replace("__init__", "")
     assert "http://" not in text.replace("http://www.w3.org", "").replace("http://purl", "").replace(
         "http://creativecommons", ""
@@ -304,7 +303,7 @@ def test_without_candidates_a_failing_baseline_is_undecided(gent, tmp_path):
     assert d.verdict == "undecided" and not d.found
     assert "undecided" in summary(d)
     write_json(to_dict(d), tmp_path / "d.json")
-    assert page(d).count("<svg") == 1
+    assert report(d).page().count("<svg") == 1
 
 
 @pytest.mark.slow

@@ -16,8 +16,7 @@ from cutbench.calibration.fitting import LATE
 from cutbench.cli.main import app
 from cutbench.data.campaign import Campaign
 from cutbench.discovery import discover
-from cutbench.discovery.page import write_discovery
-from cutbench.discovery.report import verdict_sentence
+from cutbench.discovery.report import verdict_sentence, write_discovery
 
 STUDIES = Path(__file__).parents[1] / "studies"
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cutbench.maps.dataset import MapRow, build_map, row_of
-from cutbench.maps.findings import findings, save_findings
+from cutbench.maps.findings import findings, summary_text
 from cutbench.maps.study import load_study
 from cutbench.run.measures import KNOWN
 
@@ -76,12 +76,12 @@ def test_no_trend_and_no_room_are_said(study):
     assert findings(build_map(study, far)).deepen_mm > 18.0
 
 
-def test_any_label_is_counted_and_crossings_too(study, tmp_path):
+def test_any_label_is_counted_and_crossings_too(study):
     data = build_map(study, rows_of(study))
     data["crossed_mm"].values.ravel()[:2] = 2.5
     found = findings(data)
     assert found.crossed == 2 and sum(found.labels.values()) == 24
-    text = save_findings(data, tmp_path, ["more"]).read_text().splitlines()
+    text = summary_text(data, ["more"]).splitlines()
     assert text[0] == data.attrs["title"] and text[1] == "24 runs" and text[-1] == "more"
 
 

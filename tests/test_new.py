@@ -7,7 +7,7 @@ from typer.testing import CliRunner
 
 import cutbench
 from cutbench.cli.main import app
-from cutbench.cli.show import loudness
+from cutbench.cli.terminal import loudness
 
 KINDS = ("run", "material", "study", "campaign")
 

@@ -13,8 +13,9 @@ from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.support.ui import Select, WebDriverWait
 
+from cutbench.base.files import write_text
 from cutbench.maps.dataset import load_map
-from cutbench.maps.page import save_page
+from cutbench.maps.page import page
 
 pytestmark = NEEDED
 
@@ -121,7 +122,7 @@ def test_it_draws_points_boundary_and_layers_without_a_word_or_a_request(opened)
 def test_where_the_regime_is_not_known_there_is_no_firm_line(browser, tmp_path):
     look(browser)
     data = load_map(Path(__file__).parents[1] / "studies" / "results" / "transition" / "map.nc")
-    browser.get(save_page(data, None, tmp_path).as_uri())
+    browser.get(write_text(page(data, None), tmp_path / "map.html").as_uri())
     shown = {trace["name"]: trace for trace in traces(browser)}
     hatched = next(trace for name, trace in shown.items() if "95 %" in name)
     assert hatched["n"] > 5

@@ -12,8 +12,7 @@ from benchmarks.blind_campaigns import Planned, make
 from cutbench.calibration.cut_runs import CutRuns
 from cutbench.data.campaign import load_campaign
 from cutbench.discovery import discover
-from cutbench.discovery.page import write_discovery
-from cutbench.discovery.report import to_dict
+from cutbench.discovery.report import to_dict, write_discovery
 from cutbench.run.pool.pool import TaskPool
 
 #: Runs that a search may take: at four seconds each, seven and a half minutes of two cores.

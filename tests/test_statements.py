@@ -14,22 +14,22 @@ PACKAGE = Path(cutbench.__file__).parent
 #: Statements of each room without docstrings. Who makes a room smaller writes its number here; one grows only
 #: where another shrinks by as much.
 STATEMENTS = {
-    "base": 1416,
-    "mechanisms": 2438,
+    "base": 1516,
+    "mechanisms": 2439,
     "case": 1392,
     "forms": 2822,
     "solver": 1820,
     "models2d": 133,
     "models3d": 225,
-    "run": 3992,
+    "run": 3978,
     "emulator": 818,
-    "maps": 3358,
+    "maps": 3239,
     "data": 2828,
     "homogeneous": 462,
-    "calibration": 1602,
-    "discovery": 1616,
-    "app": 1135,
-    "cli": 1166,
+    "calibration": 1578,
+    "discovery": 1502,
+    "app": 1129,
+    "cli": 1091,
     "top": 61,
 }
 

@@ -8,15 +8,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from cutbench.base.report import Table
 from cutbench.base.toml import among
 from cutbench.cli.options import with_exit_status
 from cutbench.cli.progress import bar
-from cutbench.cli.show import show, table
+from cutbench.cli.terminal import show
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-
-    from rich.table import Table
 
     from verification import Reference, Verified
 
@@ -84,26 +83,21 @@ def _chosen(known: dict[str, Reference], quick: bool, only: list[str] | None) ->
 
 def _contents(chosen: Sequence[Reference]) -> Table:
     rows = [(r.name, r.title, r.source, "yes" if r.quick else "") for r in chosen]
-    return table(("name", "what it checks", "reference", "quick"), rows)
+    return Table(("name", "what it checks", "reference", "quick"), rows)
 
 
 def _checks(done: Sequence[Verified]) -> Table:
-    from rich.markup import escape
-
     from verification.report import texts
 
     numbers = ("reference", "obtained", "error", "tolerance")
-    made = table(("problem", "quantity", *numbers, "verdict"), right=numbers)
+    rows: list[list[str]] = []
     for one in done:
-        made.add_section()
-        name = one.reference.name
-        for check in one.checks:
-            *cells, verdict = map(escape, texts(check))
-            made.add_row(name, *cells, verdict if check.passed else f"[bold red]{verdict}[/]")
-            name = ""
+        cells = [texts(check) for check in one.checks]
         if one.failure is not None:
-            made.add_row(name, escape(one.failure), "", "", "", "", "[bold red]FAILED[/]")
-    return made
+            cells.append([one.failure, "", "", "", "", "FAILED"])
+        names = [one.reference.name, *[""] * len(cells)]
+        rows += [[], *([name, *row] for name, row in zip(names, cells, strict=False))]
+    return Table(("problem", "quantity", *numbers, "verdict"), rows, right=numbers)
 
 
 if __name__ == "__main__":

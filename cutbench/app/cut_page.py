@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +14,7 @@ from cutbench.app.drawings import Curve
 from cutbench.app.jobs import RUNNING, Job
 from cutbench.app.tasks import SECTION, run
 from cutbench.base.errors import BadInput
-from cutbench.base.greek import plain_formula
+from cutbench.base.greek import plain_formula, subscripted
 from cutbench.case.case import Case
 from cutbench.case.motion import UNTIL
 from cutbench.case.numerics import PRESETS
@@ -135,7 +134,7 @@ class CutPage:
     def _slider(self, slider: Slider) -> None:
         q, title = slider.q, case_choices.plain_name(slider.q)
         unit = "" if q.unit == "1" else q.unit.replace("^2", "²")
-        symbol = re.sub(r"_(\w+)", r"<sub>\1</sub>", q.symbol)
+        symbol = subscripted(q.symbol)
         with ui.element("div").classes("slider"):
             with ui.label(title).classes("name"):
                 ui.html(f"<i>{symbol}</i>", tag="span", sanitize=False)

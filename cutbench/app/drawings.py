@@ -18,6 +18,7 @@ from cutbench.base.figure_style import (
     new_figure,
     style,
 )
+from cutbench.base.files import csv_text
 from cutbench.case.case import Case
 from cutbench.emulator.atlas import Estimate
 from cutbench.run.blade_geometry import blade_outline
@@ -30,18 +31,17 @@ _DASHES = ("solid", "dash", "dot", "dashdot", "longdash", "longdashdot")
 
 @dataclass(frozen=True)
 class Curve:
-    """A force curve under its name, with a band or without (each an array of the same length)."""
+    """A force curve under its name, with the ends of a band or without (each an array of the same length)."""
 
     name: str
     mm: np.ndarray
     N: np.ndarray
-    low: np.ndarray | None = None
-    high: np.ndarray | None = None
+    band: tuple[np.ndarray, np.ndarray] | None = None
 
     @classmethod
     def of_estimate(cls, found: Estimate) -> Curve:
         name = f"{found.case.name}, estimate with 90 % band"
-        return cls(name, found.x_mm, found.force_N, found.low_N, found.high_N)
+        return cls(name, found.x_mm, found.force_N, (found.low_N, found.high_N))
 
 
 def specimen_svg(case: Case) -> str:
@@ -78,10 +78,10 @@ def force_figure(curves: Sequence[Curve]) -> dict:
     for number, curve in enumerate(curves):
         colour, dash = LINE_COLOURS[1:][number % 6], _DASHES[number % len(_DASHES)]
         look = {"mode": "lines", "x": curve.mm.tolist(), "hoverlabel": {"namelength": -1}}
-        if curve.low is not None and curve.high is not None:
+        if curve.band is not None:
             edge = look | {"line": {"width": 0}, "showlegend": False, "hoverinfo": "skip"}
-            data.append(edge | {"y": curve.low.tolist()})
-            data.append(edge | {"y": curve.high.tolist(), "fill": "tonexty", "fillcolor": f"{colour}40"})
+            low, high = ({"y": end.tolist()} for end in curve.band)
+            data += [edge | low, edge | high | {"fill": "tonexty", "fillcolor": f"{colour}40"}]
         line = {"color": colour, "dash": dash, "width": 2.5}
         data.append(look | {"y": curve.N.tolist(), "name": curve.name, "line": line})
     axis = {"rangemode": "tozero", "zeroline": False, "ticks": "outside", "automargin": True}
@@ -105,8 +105,8 @@ def curves_png(curves: Sequence[Curve]) -> bytes:
         axes = figure.subplots()
         for number, curve in enumerate(curves):
             look: Look = {"color": LINE_COLOURS[1:][number % 6], "ls": LINES[number % len(LINES)]}
-            if curve.low is not None and curve.high is not None:
-                axes.fill_between(curve.mm, curve.low, curve.high, color=COLOURS["sky"], alpha=0.4, lw=0)
+            if curve.band is not None:
+                axes.fill_between(curve.mm, *curve.band, color=COLOURS["sky"], alpha=0.4, lw=0)
             axes.plot(curve.mm, curve.N, label=curve.name, **look)
         force_from_zero(axes, "blade travel (mm)")
         figure.legend(loc="outside lower center", ncols=1)
@@ -117,12 +117,9 @@ def curves_png(curves: Sequence[Curve]) -> bytes:
 
 def curves_csv(curves: Sequence[Curve]) -> str:
     """The same as a table, a row each point; the ends of a band are empty where there is none."""
-    rows = ["curve,displacement_mm,force_N,low_N,high_N"]
-    for curve in curves:
-        name = '"' + curve.name.replace('"', '""') + '"'
-        for k, (mm, N) in enumerate(zip(curve.mm, curve.N, strict=True)):
-            ends = (
-                "," if curve.low is None or curve.high is None else f"{curve.low[k]:.6g},{curve.high[k]:.6g}"
-            )
-            rows.append(f"{name},{mm:.6g},{N:.6g},{ends}")
-    return "\n".join(rows) + "\n"
+    rows = [
+        (curve.name, *("" if np.isnan(v) else f"{v:.6g}" for v in row))
+        for curve in curves
+        for row in np.broadcast(curve.mm, curve.N, *(curve.band or (np.nan, np.nan)))
+    ]
+    return csv_text(("curve", "displacement_mm", "force_N", "low_N", "high_N"), rows)

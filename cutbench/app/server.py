@@ -8,7 +8,6 @@ import secrets
 import socket
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
-from importlib import resources
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -29,6 +28,7 @@ from cutbench.app.data_page import DataPage
 from cutbench.app.maps_page import MapsPage
 from cutbench.base.errors import BadInput
 from cutbench.base.files import check_writable
+from cutbench.base.report import packaged_text
 from cutbench.emulator.atlas import estimate
 
 HOST = "127.0.0.1"
@@ -52,7 +52,7 @@ def workbench(folder: str | Path, token: str) -> FastAPI:
     """
     bench = Bench(check_writable(folder).resolve())
     estimate(Choice().case())  # the atlas is read before anybody waits for it
-    style = resources.files("cutbench.app").joinpath("web", "app.css").read_text(encoding="utf-8")
+    style = packaged_text("cutbench.app", "web/app.css")
 
     def page() -> None:
         ui.add_css(style)

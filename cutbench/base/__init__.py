@@ -1,4 +1,4 @@
-"""What every room stands on: errors, units, TOML, mesh files, atomic files, the style of figures.
+"""What every room stands on: errors, units, TOML, mesh files, atomic files, reports, the style of figures.
 
 Nothing here knows what is computed.
 """

@@ -6,6 +6,7 @@ Meaning never hangs on colour alone: series differ by line style too, areas by h
 from __future__ import annotations
 
 import io
+import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -156,15 +157,23 @@ def own_axes() -> Axes:
     return pyplot.subplots(layout="constrained")[1]
 
 
+def svg(figure: Figure, name: str) -> str:
+    """The figure as an element for a page; ``name`` keeps the ids of several figures apart."""
+    out = io.StringIO()
+    with style(), matplotlib.rc_context({"svg.hashsalt": name}):
+        figure.savefig(out, format="svg", metadata={"Date": None})
+    text = out.getvalue()
+    # Groups need no names, and those of several figures would be the same; what is referred to keeps its own.
+    text = re.sub(r'<g id="[^"]*"', "<g", text[text.index("<svg") :])
+    return re.sub(r'( id="|url\(#|href="#)', rf"\g<1>{name}-", text)
+
+
 def svg_of(draw: Callable[[Axes], object]) -> str:
     """What ``draw`` puts into axes as SVG, to stand in a page."""
-    out = io.StringIO()
     with style():
         figure = new_figure(120, 72)
         draw(figure.subplots())
-        figure.savefig(out, format="svg", metadata={"Date": None})
-    text = out.getvalue()
-    return text[text.index("<svg") :]
+    return svg(figure, "axes")
 
 
 def force_from_zero(axes: Axes, along: str) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from html import escape
 
 GREEK = {
     "alpha": "α", "beta": "β", "gamma": "γ", "delta": "δ", "eta": "η", "kappa": "κ", "lambda": "λ", "mu": "μ",
@@ -24,3 +25,8 @@ def plain_formula(text: str) -> str:
 def set_subscripts(text: str) -> str:
     """``τ_W/(G_c/δ_c)`` with its subscripts as Matplotlib sets them."""
     return re.sub(r"(\w)_(\w+)", r"$\1_{\\mathrm{\2}}$", text)
+
+
+def subscripted(text: str) -> str:
+    """``G_c/δ_c`` as HTML."""
+    return re.sub(r"_(\w+)", r"<sub>\1</sub>", escape(text))

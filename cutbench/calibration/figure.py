@@ -1,7 +1,9 @@
-"""A fit beside its data: the curves, and below them what is left over, by regime of the cut."""
+"""Computed curves beside measured ones, and below them what is left over, by regime of the cut."""
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,6 +14,7 @@ from cutbench.base.figure_style import (
     COLOURS,
     DOUBLE_MM,
     GREY,
+    LINE_COLOURS,
     SINGLE_MM,
     Look,
     legend_below,
@@ -23,88 +26,110 @@ from cutbench.data.measures import MeasuredCut
 if TYPE_CHECKING:
     from cutbench.calibration.fitting import ComparedCurve, Fit
 
+#: What is computed of a test, on its grid (m,), and how it is drawn.
+Line = tuple[np.ndarray, Look]
 #: Shades of the regimes, so that neighbours differ in grey print too.
 _SHADES = {"indentation": "#FFFFFF", "onset": "#E6E6E6", "transition": "#F5F5F5", "steady": "#FFFFFF"}
+_BAND: Look = {"facecolor": COLOURS["sky"], "alpha": 0.45, "lw": 0}
 
 
 def plot_fit(fit: Fit) -> Figure:
+    """Each experiment with the curve that was fitted or predicted."""
+    looks: dict[str, Look] = {
+        "train": {"color": COLOURS["vermilion"], "ls": "-",
+                  "label": "fitted" if fit.done else "as far as it came"},
+        "test": {"color": COLOURS["blue"], "ls": (0, (5, 1.5)), "label": "predicted"},
+    }  # fmt: skip
+    return plot_compared(fit.compared, lambda c: [(c.fitted, looks[c.experiment.role])], fit.campaign.title)
+
+
+def plot_compared(
+    compared: Sequence[ComparedCurve], computed: Callable[[ComparedCurve], Sequence[Line]], title: str = ""
+) -> Figure:
     """A column for each experiment (at most three side by side): measured mean with ± two standard
-    deviations and the computed curve above, residual below."""
+    deviations and what is ``computed`` above, what is left over below."""
+    columns = min(3, len(compared))
+    rows = -(-len(compared) // columns)
     with style():
-        figure, axes = panels(len(fit.compared), 20, 1.3)
-        for (top, bottom), c in zip(axes, fit.compared, strict=True):
-            if isinstance(c.experiment, MeasuredCut):
-                _measures(top, c, c.experiment)
-                bottom.set_visible(False)
-                continue
-            _curve(top, c, "fitted" if fit.done else "as far as it came")
-            _residual(bottom, c)
-            bottom.sharex(top)
-        legend_below(figure, figure.axes, 3)
-        figure.suptitle(fit.campaign.title, x=0.02, ha="left")
+        figure = new_figure(SINGLE_MM if columns == 1 else DOUBLE_MM, 20 + 78 * rows)
+        axes = figure.subplots(2 * rows, columns, squeeze=False, height_ratios=[3, 1.3] * rows)
+        pairs = zip(axes[::2].ravel(), axes[1::2].ravel(), strict=True)
+        for (top, bottom), c in itertools.zip_longest(pairs, compared):
+            top.set_visible(c is not None)
+            bottom.set_visible(c is not None and c.experiment.curve)
+            if bottom.get_visible():
+                _curve(top, bottom, c, computed(c))
+            elif c is not None:
+                _measures(top, c, computed(c))
+        legend_below(figure, figure.axes, columns + 1)
+        figure.suptitle(title, x=0.02, ha="left")
     return figure
 
 
-def panels(count: int, margin_mm: float, ratio: float) -> tuple[Figure, list[tuple[Axes, Axes]]]:
-    """A figure with axes for ``count`` curves, three side by side at most, and below each for its residual,
-    of which the curve's are 3 / ``ratio`` times as high."""
-    columns = min(3, count)
-    rows = -(-count // columns)
-    figure = new_figure(SINGLE_MM if columns == 1 else DOUBLE_MM, margin_mm + 78 * rows)
-    axes = figure.subplots(2 * rows, columns, squeeze=False, height_ratios=[3, ratio] * rows)
-    pairs = list(zip(axes[::2].ravel(), axes[1::2].ravel(), strict=True))
-    for each in (each for pair in pairs[count:] for each in pair):
-        each.set_visible(False)
-    return figure, pairs[:count]
+def _head(c: ComparedCurve) -> str:
+    e = c.experiment
+    kind = "measures of a cut" if isinstance(e, MeasuredCut) else e.kind.replace("_", " ")
+    role = "fitted" if e.role == "train" else "predicted"
+    return f"{e.id}\n{kind if kind != e.id else ''}, {role}".replace("\n, ", "\n")
 
 
-def _curve(axes: Axes, c: ComparedCurve, fitted: str) -> None:
-    s, unit = c.experiment.shown
-    low, high = s * (c.mean - 2 * c.sd), s * (c.mean + 2 * c.sd)
-    axes.fill_between(c.x, low, high, facecolor=COLOURS["sky"], alpha=0.45, lw=0, label="± 2 sd")
-    axes.plot(c.x, s * c.mean, ".", color=COLOURS["black"], ms=3, label="measured (mean)")
-    look: Look = {"color": COLOURS["vermilion"], "ls": "-", "label": fitted}
-    if c.experiment.role == "test":
-        look = {"color": COLOURS["blue"], "ls": (0, (5, 1.5)), "label": "predicted"}
-    axes.plot(c.x, s * c.fitted, lw=1.3, **look)
-    name = "nominal stress" if c.experiment.y_name == "stress" else c.experiment.y_name
-    axes.set_ylabel(f"{name} ({unit})")
-    kind = c.experiment.kind.replace("_", " ")
-    axes.set_title(c.experiment.id + (f"\n{kind}" if kind != c.experiment.id else ""), loc="left", fontsize=8)
-    axes.tick_params(labelbottom=False)
-
-
-def _measures(axes: Axes, c: ComparedCurve, e: MeasuredCut) -> None:
-    """How far each measure is off, in standard deviations, beside what was measured and what is computed."""
-    rows, off = np.arange(len(e.measures))[::-1], -c.residual
-    axes.axvspan(-2, 2, facecolor=COLOURS["sky"], alpha=0.45, lw=0, label="± 2 sd")
-    axes.axvline(0, color="black", lw=0.5)
-    colour = COLOURS["vermilion" if e.role == "train" else "blue"]
-    axes.plot(off, rows, "o", color=colour, ms=4, label="fitted" if e.role == "train" else "predicted")
-    units = [f" {m.unit}".replace(" 1", "") for m in e.measures]
-    axes.set_yticks(rows, [f"{m.name}\n{m}" for m in e.measures], fontsize=7)
-    for row, value, unit, x in zip(rows, c.computed, units, off, strict=True):
-        axes.annotate(
-            f"{value:.3g}{unit}", (x, row), (0, 5), textcoords="offset points", fontsize=7, ha="center"
-        )
-    reach = 1.2 * max(3.0, float(np.abs(off).max()))
-    axes.set(xlim=(-reach, reach), ylim=(-0.6, rows.size - 0.2), xlabel="computed less measured (sd)")
-    axes.set_title(f"{e.id}\nmeasures of a cut", loc="left", fontsize=8)
-
-
-def _residual(axes: Axes, c: ComparedCurve) -> None:
-    s, shown = c.experiment.shown
+def _curve(top: Axes, bottom: Axes, c: ComparedCurve, lines: Sequence[Line]) -> None:
+    e = c.experiment
+    s, unit = e.shown
+    x, along = c.x, e.x_name + ("" if e.x_unit == "1" else f" ({e.x_unit})")
+    if not e.monotone and (times := e.on_grid(c.x.size).time_s) is not None:
+        x, along = times, "time (s)"
+    for axes, middle, label in ((top, s * c.mean, "± 2 sd"), (bottom, 0.0, "")):
+        axes.fill_between(x, middle - 2 * s * c.sd, middle + 2 * s * c.sd, label=label, **_BAND)
+    top.plot(x, s * c.mean, ".", color=COLOURS["black"], ms=3, label="measured (mean)")
+    bottom.axhline(0, color="black", lw=0.5)
+    limit = 2 * s * float(np.median(c.sd))
+    for values, look in lines:
+        left = s * (c.mean - values)
+        limit = max(limit, float(np.abs(left).max()))
+        top.plot(x, s * values, lw=1.3, **look)
+        bottom.plot(x, left, lw=0.6, marker=".", ms=3, **look)
     for name, mask in c.regimes().items():
-        axes.axvspan(c.x[mask][0], c.x[mask][-1], facecolor=_SHADES[name], lw=0, zorder=0)
-        axes.text(
-            c.x[mask].mean(), 1.0, name[:6] + ("." if len(name) > 6 else ""), fontsize=6, color=GREY,
-            ha="center", va="bottom", transform=axes.get_xaxis_transform(),
+        bottom.axvspan(x[mask][0], x[mask][-1], facecolor=_SHADES[name], lw=0, zorder=0)
+        bottom.text(
+            x[mask].mean(), 1.0, name[:6] + ("." if len(name) > 6 else ""), fontsize=6, color=GREY,
+            ha="center", va="bottom", transform=bottom.get_xaxis_transform(),
         )  # fmt: skip
-    axes.fill_between(c.x, -2 * s * c.sd, 2 * s * c.sd, facecolor=COLOURS["sky"], alpha=0.45, lw=0)
-    axes.plot(c.x, s * c.residual, ".-", color=COLOURS["black"], ms=3, lw=0.6)
-    axes.axhline(0, color="black", lw=0.5)
-    limit = 1.1 * s * max(np.abs(c.residual).max(), 2 * np.median(c.sd))
-    axes.set_ylim(-limit, limit)
-    axes.set_ylabel(f"residual ({shown})")
-    unit = "" if c.experiment.x_unit == "1" else f" ({c.experiment.x_unit})"
-    axes.set_xlabel(f"{c.experiment.x_name}{unit}")
+    top.set_title(_head(c), loc="left", fontsize=8)
+    top.set_ylabel(f"{'nominal stress' if e.y_name == 'stress' else e.y_name} ({unit})")
+    top.tick_params(labelbottom=False)
+    bottom.sharex(top)
+    bottom.set(ylim=(-1.1 * limit, 1.1 * limit), ylabel=f"residual ({unit})", xlabel=along)
+
+
+def _measures(axes: Axes, c: ComparedCurve, lines: Sequence[Line]) -> None:
+    """How far each measure is off, in standard deviations, beside what was measured and what is computed."""
+    measures = c.experiment.measures if isinstance(c.experiment, MeasuredCut) else ()
+    rows, reach = np.arange(len(measures))[::-1], 3.0
+    axes.axvspan(-2, 2, label="± 2 sd", **_BAND)
+    axes.axvline(0, color="black", lw=0.5)
+    for values, look in lines:
+        reach = max(reach, float(np.abs(values - c.mean).max()))
+        axes.plot(values - c.mean, rows, **look | {"ls": "", "marker": "o", "ms": 4})
+    axes.set_yticks(rows, [f"{m.name}\n{m}" for m in measures], fontsize=7)
+    for row, m, value, off in zip(rows, measures, c.computed, -c.residual, strict=True):
+        text, look = f"{value:.3g} {m.unit}".removesuffix(" 1"), {"fontsize": 7, "ha": "center"}
+        axes.annotate(text, (off, row), (0, 5), textcoords="offset points", **look)
+    axes.set(
+        xlim=(-1.2 * reach, 1.2 * reach), ylim=(-0.6, len(rows) - 0.2), xlabel="computed less measured (sd)"
+    )
+    axes.set_title(_head(c), loc="left", fontsize=8)
+
+
+def plot(fit: Fit, ax: Axes) -> None:
+    """Measured and computed curves, each over its reach and as parts of its largest value."""
+    for c, colour in zip(fit.compared, itertools.cycle(LINE_COLOURS), strict=False):
+        top, reach = float(np.abs(c.mean).max()), float(c.x[-1] - c.experiment.rest) or 1.0
+        x = (c.x - c.experiment.rest) / reach
+        low, high = (c.mean - 2 * c.sd) / top, (c.mean + 2 * c.sd) / top
+        ax.fill_between(x, low, high, color=colour, alpha=0.2, lw=0)
+        ax.plot(x, c.mean / top, color=colour, ls="-", label=c.experiment.id)
+        ax.plot(x, c.fitted / top, color=colour, ls="--")
+    ax.set(xlabel="part of the way", ylabel="part of the largest value")
+    ax.set_title(fit.campaign.title, loc="left")
+    ax.legend(title="measured; dashes: computed", alignment="left")

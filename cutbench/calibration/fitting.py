@@ -232,7 +232,7 @@ class Fit(Displayed):
     ('converged', True)
     """
 
-    display_module: ClassVar[str] = "cutbench.calibration.display"
+    display_module: ClassVar[str] = "cutbench.calibration.report"
 
     campaign: Campaign
     estimated: Estimated | None

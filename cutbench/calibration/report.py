@@ -1,4 +1,4 @@
-"""What a fit says: by regime of the cut, as text in the manner of lmfit, and as plain data."""
+"""What a fit says: as a record for text and notebook, and as plain data."""
 
 from __future__ import annotations
 
@@ -9,10 +9,14 @@ from pathlib import Path
 
 import numpy as np
 
-from cutbench.base.files import picked, write_json
+from cutbench.base.figure_style import save
+from cutbench.base.files import check_writable, picked, write_json
+from cutbench.base.report import Chapter, Report, Table
 from cutbench.base.versions import versions
 from cutbench.calibration.case_file import write_case
-from cutbench.calibration.fitting import ComparedCurve, Estimate, Fit
+from cutbench.calibration.figure import plot as plot
+from cutbench.calibration.figure import plot_fit
+from cutbench.calibration.fitting import ComparedCurve, Fit
 from cutbench.calibration.settings import SETTINGS
 from cutbench.data.measures import MeasuredCut
 
@@ -26,12 +30,100 @@ SHOWN = 0.3
 
 def by_regime(c: ComparedCurve) -> dict[str, dict[str, float]]:
     """Range in mm, mean and root mean square of the residual in N, and the largest in standard deviations."""
-    names, found = ("from_mm", "to_mm", "bias_N", "rms_N", "largest_z"), {}
+    names, regimes = ("from_mm", "to_mm", "bias_N", "rms_N", "largest_z"), {}
     for name, mask in c.regimes().items():
         x, r = c.x[mask], c.residual[mask]
         values = x[0], x[-1], r.mean(), np.sqrt((r**2).mean()), np.abs(r / c.sd[mask]).max()
-        found[name] = dict(zip(names, map(float, values), strict=True))
-    return found
+        regimes[name] = dict(zip(names, map(float, values), strict=True))
+    return regimes
+
+
+def report(fit: Fit) -> Report:
+    """All that a fit says to a person."""
+    k, worst = len(fit.estimates), max((c.misfit for c in fit.compared), default=0.0)
+    amiss = fit.done and not fit.far and (fit.reduced_chi2 > 2 or worst > AMISS)
+    pairs = [(a, b, f"{value:+.2f}") for a, b, value in _pairs(fit)]
+    head = "parameters (95 % intervals)" if fit.done else "parameters, not estimated"
+    values = (
+        f"{fit.readings} values, {k} parameter{'s' * (k != 1)}, chi2 = {fit.chi2:.4g},"
+        f" reduced {fit.reduced_chi2:.3g}, {fit.runs} cuts computed, {fit.seconds:.0f} s"
+    )
+    misses = (
+        "The model does not describe the data to within their noise: it misses up to"
+        f" {100 * worst:.1f} % of a curve's maximum (root mean square); intervals allow for that."
+    )
+    return Report(
+        fit.campaign.title,
+        [("model", fit.case.model.described), ("status", fit.message or fit.status), ("compared", values)],
+        (fit.far, misses if amiss else ""),
+        (
+            Chapter(head, [_parameters(fit)], brief=True),
+            Chapter(f"correlations above {SHOWN:g}", [Table(("of", "and", "is"), pairs)]),
+            Chapter("experiments", [_experiments(fit)], brief=True),
+            Chapter("regimes", [_regimes(fit)]),
+            Chapter("measures of a cut", [_measures(fit)]),
+            Chapter("profiles", [_profiles(fit)]),
+            Chapter("identifiability before the fit", fit.before.sentences),
+            Chapter("identifiability after the fit", fit.after.sentences),
+            Chapter("notes", fit.notes),
+        ),
+    )
+
+
+def _parameters(fit: Fit) -> Table:
+    rows = []
+    for e in fit.estimates:
+        show = e.parameter.quantity.show
+        relative = f" ({100 * e.sd / abs(e.value):.2g} %)" if e.value else ""
+        flags = [text for is_so, text in ((e.at_bound, "at a bound"), (not e.moved, "not moved")) if is_so]
+        estimate = [f"{show(e.value)} +/- {show(e.sd)}{relative}", f"[{show(e.low)}, {show(e.high)}]"]
+        said = estimate if math.isfinite(e.sd) else [f"{show(e.value)} reached", ""]
+        rows.append((e.label, *said, f"start {show(e.parameter.start)}", ", ".join(flags)))
+    left = [(label, f"left at its start: {reason}", "", "", "") for label, reason in fit.fixed.items()]
+    return Table(("parameter", "value", "interval", "from", ""), [*rows, *left])
+
+
+def _role(c: ComparedCurve) -> str:
+    return "fitted" if c.experiment.role == "train" else "predicted"
+
+
+def _experiments(fit: Fit) -> Table:
+    rows = []
+    for c in (c for c in fit.compared if c.experiment.curve):
+        part = c.rmse / float(np.abs(c.mean).max())
+        beyond = f"{100 * c.misfit:.1f} % that the model cannot describe" if c.misfit else ""
+        off = f"{c.rmse:.3g} {c.experiment.y_unit}", f"{100 * part:.1f} % of the maximum"
+        rows.append((c.experiment.id, f"{c.experiment.kind}, {_role(c)}", *off, beyond))
+    return Table(("experiment", "kind", "root mean square residual", "", ""), rows)
+
+
+def _regimes(fit: Fit) -> Table:
+    rows = [
+        (c.experiment.id, name, f"{v['from_mm']:.2f} to {v['to_mm']:.2f} mm", f"{v['rms_N']:.3g} N",
+         f"{v['bias_N']:+.3g} N")
+        for c in fit.compared for name, v in by_regime(c).items()
+    ]  # fmt: skip
+    return Table(("experiment", "regime", "where", "root mean square residual", "bias"), rows)
+
+
+def _measures(fit: Fit) -> Table:
+    """A line for each measure: what was measured, what is computed, and how far that is off."""
+    rows = [
+        (f"{c.experiment.id} ({_role(c)})", m.name, str(m), f"{value:.4g} {m.unit}".removesuffix(" 1"),
+         f"{off:+.1f}")
+        for c in fit.compared if isinstance(c.experiment, MeasuredCut)
+        for m, value, off in zip(c.experiment.measures, c.computed, -c.residual, strict=True)
+    ]  # fmt: skip
+    return Table(("experiment", "measure", "measured", "computed", "standard deviations off"), rows)
+
+
+def _profiles(fit: Fit) -> Table:
+    rows = []
+    for profile in fit.profiles:
+        show = fit.estimate(profile.label).parameter.quantity.show
+        ends = [show(v) if math.isfinite(v) else "beyond what was tried" for v in (profile.low, profile.high)]
+        rows.append((profile.label, *ends))
+    return Table(("parameter", "from", "to"), rows)
 
 
 def summary(fit: Fit) -> str:
@@ -47,66 +139,19 @@ def summary(fit: Fit) -> str:
     str
         Several lines: status, parameters with intervals, correlations, tests, identifiability, notes.
     """
-    k = len(fit.estimates)
-    lines = [
-        fit.campaign.title,
-        *([f"  {fit.far}"] if fit.far else []),
-        f"  model: {fit.case.model.described}",
-        f"  {fit.message}",
-        f"  {fit.readings} values, {k} parameter{'s' if k != 1 else ''}, chi2 = {fit.chi2:.4g},"
-        f" reduced {fit.reduced_chi2:.3g}, {fit.runs} cuts computed, {fit.seconds:.0f} s",
-    ]
-    worst = max((c.misfit for c in fit.compared), default=0.0)
-    if fit.done and not fit.far and (fit.reduced_chi2 > 2 or worst > AMISS):
-        lines.append(
-            "  The model does not describe the data to within their noise: it misses up to"
-            f" {100 * worst:.1f} % of a curve's maximum (root mean square); intervals allow for that."
-        )
-    lines += ["", "parameters (95 % intervals)" if fit.done else "parameters, not estimated"]
-    lines += [_parameter(e) for e in fit.estimates]
-    lines += [f"  {label:<16} left at its start: {reason}" for label, reason in fit.fixed.items()]
-    if pairs := _pairs(fit):
-        lines += ["", f"correlations above {SHOWN:g}"]
-        lines += [f"  {a}, {b}: {value:+.2f}" for a, b, value in pairs]
-    lines += ["", "experiments"]
-    for c in fit.compared:
-        if isinstance(c.experiment, MeasuredCut):
-            lines += _measures(c, c.experiment)
-            continue
-        unit = c.experiment.y_unit
-        part, role = c.rmse / np.abs(c.mean).max(), "fitted" if c.experiment.role == "train" else "predicted"
-        beyond = f", {100 * c.misfit:.1f} % that the model cannot describe" if c.misfit else ""
-        lines.append(
-            f"  {c.experiment.id} ({c.experiment.kind}, {role}): root mean square residual"
-            f" {c.rmse:.3g} {unit}, {100 * part:.1f} % of the maximum{beyond}"
-        )
-        lines += [
-            f"    {name:<12} {v['from_mm']:.2f} to {v['to_mm']:.2f} mm: {v['rms_N']:.3g} N,"
-            f" bias {v['bias_N']:+.3g} N"
-            for name, v in by_regime(c).items()
-        ]
-    for profile in fit.profiles:
-        q = fit.estimate(profile.label).parameter.quantity
-        ends = [
-            q.show(v) if math.isfinite(v) else "beyond what was tried" for v in (profile.low, profile.high)
-        ]
-        lines.append(f"  profile of {profile.label}: {ends[0]} to {ends[1]}")
-    for title, said in (("before the fit", fit.before), ("after the fit", fit.after)):
-        if said.sentences:
-            lines += ["", f"identifiability {title}", *(f"  {s}" for s in said.sentences)]
-    if fit.notes:
-        lines += ["", "notes", *(f"  {note}" for note in fit.notes)]
-    return "\n".join(lines)
+    return report(fit).text()
 
 
-def _measures(c: ComparedCurve, e: MeasuredCut) -> list[str]:
-    """A line for each measure: what was measured, what is computed, and how far that is off."""
-    role = "fitted" if e.role == "train" else "predicted"
-    lines = [f"  {e.id} (measures of a cut, {role}): measured, computed, standard deviations off"]
-    for m, value, off in zip(e.measures, c.computed, -c.residual, strict=True):
-        unit = "" if m.unit == "1" else f" {m.unit}"
-        lines.append(f"    {m.name:<13} {m!s:<20} {value:.4g}{unit}   {off:+.1f}")
-    return lines
+def summary_lines(fit: Fit) -> list:
+    """Head, then pairs of words."""
+    return report(fit).summary_lines()
+
+
+def table(fit: Fit) -> dict[str, list]:
+    """The parameters, a row each, in the units that a person writes."""
+    rows = _values(fit)
+    keys = ("value", "low", "high", "unit", "at_bound")
+    return {"parameter": list(rows)} | {key: [row[key] for row in rows.values()] for key in keys}
 
 
 def _measured(c: ComparedCurve, e: MeasuredCut) -> list[dict]:
@@ -119,31 +164,16 @@ def _measured(c: ComparedCurve, e: MeasuredCut) -> list[dict]:
     return rows
 
 
-def _parameter(e: Estimate) -> str:
-    q = e.parameter.quantity
-    if math.isnan(e.sd):
-        return f"  {e.label:<16} {q.show(e.value)} reached   start {q.show(e.parameter.start)}"
-    flags = [text for is_so, text in ((e.at_bound, "at a bound"), (not e.moved, "not moved")) if is_so]
-    relative = f" ({100 * e.sd / abs(e.value):.2g} %)" if e.value else ""
-    return (
-        f"  {e.label:<16} {q.show(e.value)} +/- {q.show(e.sd)}{relative}"
-        f"   [{q.show(e.low)}, {q.show(e.high)}]   start {q.show(e.parameter.start)}"
-        + "".join(f"   {flag}" for flag in flags)
-    )
-
-
 def _pairs(fit: Fit) -> list[tuple[str, str, float]]:
     numbered = enumerate(e.label for e in fit.estimates)
     pairs = [(a, b, float(fit.correlation[i, j])) for (i, a), (j, b) in combinations(numbered, 2)]
     return sorted((p for p in pairs if abs(p[2]) >= SHOWN), key=lambda p: -abs(p[2]))
 
 
-def to_dict(fit: Fit) -> dict:
-    """Plain data with units; the arrays of the curves included."""
-    parameters = {}
-    for e in fit.estimates:
-        q = e.parameter.quantity
-        parameters[e.label] = {
+def _values(fit: Fit) -> dict[str, dict]:
+    """What is known of each parameter, by its label, in the units that a person writes."""
+    return {
+        e.label: {
             **{key: getattr(e, key) / q.factor for key in ("value", "low", "high", "sd")},
             "start": e.parameter.start / q.factor,
             "unit": q.unit,
@@ -152,13 +182,19 @@ def to_dict(fit: Fit) -> dict:
             "at_bound": e.at_bound,
             "moved": e.moved,
         }
+        for e, q in ((e, e.parameter.quantity) for e in fit.estimates)
+    }
+
+
+def to_dict(fit: Fit) -> dict:
+    """Plain data with units; the arrays of the curves included."""
     return {
         "schema": SCHEMA,
         "title": fit.campaign.title,
         "model": fit.case.model.described,
         "status": fit.status,
         "message": fit.message,
-        "parameters": parameters,
+        "parameters": _values(fit),
         "left_at_start": dict(fit.fixed),
         "correlations": [{"of": [a, b], "value": v} for a, b, v in _pairs(fit)],
         "chi2": fit.chi2,
@@ -225,18 +261,15 @@ def write_fit(fit: Fit, folder: Path) -> list[Path]:
     fit : Fit
         The fit.
     folder : Path
-        Where to; it must be there.
+        Where to; made if need be.
 
     Returns
     -------
     list of Path
         What was written.
     """
-    from cutbench.base.figure_style import save
-    from cutbench.calibration.figure import plot_fit
-
+    path, case = fit.campaign.path, check_writable(folder) / "fitted.toml"
     paths = [write_json(to_dict(fit), folder / "fit.json")]
-    path, case = fit.campaign.path, folder / "fitted.toml"
     if not fit.done:
         case.unlink(missing_ok=True)
     else:
@@ -245,13 +278,15 @@ def write_fit(fit: Fit, folder: Path) -> list[Path]:
     return [*paths, *(save(plot_fit(fit), folder / "fit.png") if fit.compared else [])]
 
 
+#: What ``Fit.save`` calls.
+write = write_fit
+
+
 def remarks(fit: Fit) -> dict[str, str]:
     """What is known of each fitted value, by name."""
-    found: dict[str, str] = {}
-    for e in fit.estimates:
-        if e.parameter.experiment is not None:
-            found[e.parameter.name] = "mean of one value for each experiment"
-        else:
-            q = e.parameter.quantity
-            found[e.parameter.name] = f"fitted, 95 %: {q.show(e.low)} to {q.show(e.high)}"
-    return found
+    return {
+        e.parameter.name: "mean of one value for each experiment"
+        if e.parameter.experiment is not None
+        else f"fitted, 95 %: {show(e.low)} to {show(e.high)}"
+        for e, show in ((e, e.parameter.quantity.show) for e in fit.estimates)
+    }

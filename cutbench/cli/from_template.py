@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
-from importlib import resources
 from pathlib import Path
 
 from cutbench.base.errors import BadInput
 from cutbench.base.files import write_text
+from cutbench.base.report import filled
 
 
 def write_template(
@@ -23,13 +23,11 @@ def write_template(
     for path in (target, *beside):
         if path.exists():
             raise BadInput("FILE.toml", str(path), "a file that is not there yet: nothing is written over")
-    text = resources.files("cutbench.cli").joinpath("templates", f"{kind}.toml").read_text(encoding="utf-8")
-    put_in = {
-        "__FILE__": str(target), "__LEAF__": target.name, "__STEM__": target.stem,
-        "__NAME__": json.dumps(name, ensure_ascii=False),
+    parts = {
+        "FILE": str(target), "LEAF": target.name, "STEM": target.stem,
+        "NAME": json.dumps(name, ensure_ascii=False),
     }  # fmt: skip
-    for mark, word in put_in.items():
-        text = text.replace(mark, word)
+    text = filled("cutbench.cli", f"templates/{kind}.toml", parts)
     write_text(text, target)
     for path, make in beside.items():
         write_text(make(), path)

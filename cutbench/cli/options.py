@@ -14,12 +14,13 @@ from contextlib import ExitStack, suppress
 from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from types import ModuleType
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from cutbench.cli.progress import bar
-from cutbench.cli.show import loudness, show
+from cutbench.cli.terminal import loudness, show
 
 if TYPE_CHECKING:
     from cutbench.base.progress import Pace
@@ -370,6 +371,31 @@ def exit_by_outcome(outcome: Outcome) -> None:
     """With the exit status that an outcome asks for; stays after one that is done."""
     if not outcome.done:
         raise typer.Exit(130 if outcome.kind == "interrupted" else 1)
+
+
+def search_campaign(
+    search: Callable[..., Any],
+    report: ModuleType,
+    campaign: Path,
+    out: Path,
+    workers: str | None,
+    limit: str | None,
+    **how: object,
+) -> Any:
+    """Search for what a campaign tells, under a bar; write it to ``out`` and print it as ``report`` does."""
+    from cutbench.data.campaign import load_campaign
+
+    loaded = load_campaign(campaign)
+    count, limit_s = whole_number("workers", workers), seconds("--limit", limit, math.inf)
+    folder = locked_folder(out)
+    with bar(search.__name__) as on_progress:
+        found = search(
+            loaded, workers=count, on_progress=on_progress, store=folder / "runs", limit_s=limit_s, **how
+        )
+    paths = report.write(found, folder)
+    typer.echo(report.summary(found))
+    print_written(paths)
+    return found
 
 
 def print_written(paths: Sequence[Path]) -> None:

@@ -12,7 +12,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from cutbench.base.progress import COMPILING, Clock, OnProgress, Pace, count, line, silent
-from cutbench.cli.show import silenced
+from cutbench.cli.terminal import silenced
 
 #: Seconds between two lines where there is no terminal.
 EVERY_S = 10.0

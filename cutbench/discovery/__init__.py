@@ -10,7 +10,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
         "search": ["Discovery", "discover"],
-        "page": ["write_discovery"],
-        "report": ["gain_sentence", "summary", "verdict_sentence"],
+        "report": ["gain_sentence", "summary", "verdict_sentence", "write_discovery"],
     },
 )

@@ -126,6 +126,15 @@ def family_of(name: str) -> str:
     return name if law is None else law.family or law.title
 
 
+def cause_title(name: str) -> str:
+    """Class and formula of a cause: ``strain stiffening (gent)``, ``the fixed value of nu``; of a rig or a
+    reading its title."""
+    if name not in registry():
+        return f"the fixed value of {name}"
+    words = family_of(name) if cause_of(name) == "mechanism" else registry()[name].title
+    return words if words.lower() == name.lower() else f"{words} ({name})"
+
+
 def _fixed_parameters(campaign: Campaign, base: Case, estimated: Collection[str]) -> list[Candidate]:
     """Parameters that tests feel and no fit looks for, but for those that the campaign names as fixed; none
     where nothing is a candidate."""

@@ -146,6 +146,13 @@ class ComparisonRound:
         """Whether the model misses more than chance makes."""
         return self.scores.p_residual < SETTINGS.chance
 
+    @property
+    def ranking(self) -> list[tuple[Score, ComparedModel | None]]:
+        """What was fitted, the most probable first, then the other candidates by their score."""
+        scored, fitted = {s.name: s for s in self.scores.scores}, [c.name for c in self.compared]
+        rest = [(s, None) for s in self.scores.scores if s.name not in fitted]
+        return [*((scored[c.name], c) for c in self.compared), *rest]
+
 
 @dataclass(frozen=True)
 class FoundCause:

@@ -1,19 +1,26 @@
-"""What a discovery says: in sentences, as text for the terminal, and as ``discovery.json``."""
+"""What a discovery says: as a record for text, page and notebook, and as ``discovery.json``."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import asdict
+from pathlib import Path
 
 import numpy as np
 
+from cutbench.base.files import check_writable, picked, write_json, write_text
+from cutbench.base.report import Chapter, Picture, Report, Table
 from cutbench.base.units import Parameter
 from cutbench.base.versions import versions
+from cutbench.calibration.case_file import write_case
 from cutbench.calibration.posterior import Estimated
 from cutbench.calibration.settings import SETTINGS
 from cutbench.data.covariance import relative_discrepancy
-from cutbench.discovery.candidates import cause_of, family_of
+from cutbench.discovery.candidates import cause_of, cause_title, family_of
 from cutbench.discovery.comparison import ComparedModel, ComparisonRound, FoundCause
+from cutbench.discovery.figures import plot as plot
+from cutbench.discovery.figures import plot_curves, plot_ranking
 from cutbench.discovery.misfit_sections import Section
 from cutbench.discovery.score import Score
 from cutbench.discovery.search import Discovery
@@ -26,15 +33,17 @@ NORMAL_QUANTILE = 1.96
 PARTIAL_EXPLANATION = 0.25
 #: What is reported of a gain.
 GAIN = ("baseline_rmse", "extended_rmse", "noise_floor", "unit", "gain", "gain_se", "how")
-
-
-def cause_title(name: str) -> str:
-    """Class and formula of a cause: ``strain stiffening (gent)``, ``the fixed value of nu``; of a rig or a
-    reading its title."""
-    if name not in registry():
-        return f"the fixed value of {name}"
-    words = family_of(name) if cause_of(name) == "mechanism" else registry()[name].title
-    return words if words.lower() == name.lower() else f"{words} ({name})"
+_IN_SHORT = {
+    "mechanism": "A mechanism was found",
+    "none": "Nothing is missing",
+    "undecided": "What is missing is not known yet",
+    "unexplained": "Something is missing that no candidate explains",
+}
+_HOW_TO_READ = """\
+Each candidate is a mechanism that the baseline lacks. The score z says how many standard deviations of chance
+its first effect stands out of the residual, after all that the free parameters could take up. The best were
+then fitted for real; they are in the order of their evidence. Blue was added to the model, light blue cannot
+be told from it by these data."""
 
 
 def verdict_sentence(d: Discovery) -> str:
@@ -79,9 +88,11 @@ def _answer(d: Discovery) -> str:
             f" candidates could not be tried: {reasons or 'there were none'}."
         )
     if d.verdict == "unexplained":
+        best = [f" Nearest came {cause_title(c.name)}: {'; '.join(c.doubts)}." for c in d.steps[0].compared]
+        nearest = best[0] if best else ""
         return (
             f"The baseline is wrong beyond the scatter (most in {place}), and none of the candidates explains"
-            f" it: the cause is unexplained.{_nearest_candidate(d)}"
+            f" it: the cause is unexplained.{nearest}"
         )
     physics = any(cause_of(n) == "mechanism" for n in d.names)
     part = "A part of what" if d.remains and d.rest > PARTIAL_EXPLANATION else "What"
@@ -103,12 +114,6 @@ def _confounded_with(d: Discovery) -> str:
         return ""
     it = cause_title(first.name) if len(d.found) > 1 else "it"
     return f"; these data cannot tell {it} from {' or '.join(cause_title(n) for n in others)}"
-
-
-def _nearest_candidate(d: Discovery) -> str:
-    """Which candidate came nearest, and why it is not named."""
-    best = next(iter(d.steps[0].compared), None)
-    return "" if best is None else f" Nearest came {cause_title(best.name)}: {'; '.join(best.doubts)}."
 
 
 def misfits(fitted: Estimated) -> dict[str, float]:
@@ -140,25 +145,140 @@ def gain_sentence(d: Discovery) -> str:
         return ""
     g = d.held_out
     where = "experiments that were not fitted" if g.how.startswith("test") else f"held-out data ({g.how})"
-    unit = "of the maximum" if g.unit == "1" else g.unit
+    clean = d.noise_free and f" Without noise and scatter of specimens it would fall by {d.noise_free.text}."
     return (
-        f"On {where} the error falls from {g.baseline_rmse:.3g} to {g.extended_rmse:.3g} {unit}, by"
+        f"On {where} the error falls from {g.baseline_rmse:.3g} to {g.extended_rmse:.3g} {_unit(g.unit)}, by"
         f" {100 * g.gain:.0f} ± {100 * g.gain_se:.0f} %; the scatter alone makes {g.noise_floor:.2g}."
-    ) + _noise_free_sentence(d)
+    ) + (clean or "")
 
 
-def _noise_free_sentence(d: Discovery) -> str:
-    return (
-        ""
-        if d.noise_free is None
-        else f" Without noise and scatter of specimens it would fall by {d.noise_free.text}."
-    )
+def _unit(unit: str) -> str:
+    return "of the maximum" if unit == "1" else unit
 
 
 def place_of(s: Section) -> str:
     """Where a section lies."""
     regime = f"{s.regime}, " if s.regime else ""
     return f"{regime}{s.experiment.x_name} {s.range}"
+
+
+def report(d: Discovery) -> Report:
+    """All that a discovery says to a person."""
+    more = " Blue: the extended model." if d.found else ""
+    caption = (
+        "Band: measured mean ± two standard deviations (scatter between specimens, noise, and what the mesh"
+        f" leaves open). Orange dashes: the baseline.{more} Below: measured less computed."
+    )
+    drawn = Picture(lambda: plot_curves(d), "curves", caption)
+    ranked = [Picture(lambda: plot_ranking(d), "ranking")] if d.telling and d.telling.compared else []
+    rounds: list[str | Table] = [_candidates(d, number, step) for number, step in enumerate(d.steps, 1)]
+    chapters = [
+        Chapter("What was found", [_causes(d)]),
+        Chapter("Measured and computed", [drawn if d.fit.compared else "Nothing was computed."]),
+        Chapter(
+            "Where the baseline is wrong",
+            [_misfits(d.wrong, "Nowhere by more than three standard deviations.")],
+        ),
+        Chapter("What would explain it", [*ranked, *(rounds or ["No candidate was tried."])], _HOW_TO_READ),
+        Chapter("Numerical causes", [_numerical(d)]),
+        Chapter("What was gained", [_errors(d)]),
+        Chapter("What remains", _remains(d)),
+        Chapter("Next experiment", [d.next_experiment], brief=True),
+        Chapter("Notes", d.notes or ["none"]),
+    ]
+    return Report(
+        d.campaign.title,
+        [("baseline", d.fit.case.model.described), ("verdict", d.verdict)],
+        (d.fit.far, verdict_sentence(d), gain_sentence(d)),
+        chapters,
+        _IN_SHORT[d.verdict],
+        d.verdict,
+    )
+
+
+def _causes(d: Discovery) -> Table:
+    rows = []
+    for f in d.found:
+        for q, v, sd in estimates(f.compared):
+            spread = f"± {_shown(q, sd, '.2g')}" if sd < 10 * abs(v) else "not determined by these data"
+            rows.append((cause_title(f.name), f"{q.symbol} = {_shown(q, v)}", spread, q.doc))
+    return Table(("cause", "value", "standard deviation", "what"), rows)
+
+
+def _shown(q: Parameter, value: float, form: str = ".3g") -> str:
+    return q.show(float(format(value, form)))
+
+
+def _misfits(sections: Sequence[Section], none: str) -> Table:
+    heads = ("experiment", "where", "from – to", "measured less computed", "z (standard deviations)")
+    rows = []
+    for s in [s for s in sections if s.wrong][:12]:
+        e, (scale, unit) = s.experiment, s.experiment.shown
+        where, bias = s.regime or e.kind.replace("_", " "), f"{scale * s.bias:+.3g} {unit}"
+        rows.append((e.id, where, s.range, bias, f"{s.z:+.1f}"))
+    return Table(heads, rows, none=none, most=6)
+
+
+def _candidates(d: Discovery, number: int, step: ComparisonRound) -> Table:
+    heads = (
+        "candidate",
+        "z",
+        "log evidence",
+        "explains",
+        "gain on held-out data",
+        "fitted values",
+        "said of it",
+    )
+    alike = [c.name for c in step.group] if len(step.group) > 1 else []
+    rows = []
+    for s, c in step.ranking:
+        doubts, fitted = "", [""] * 4
+        if c is not None:
+            values = ", ".join(f"{q.symbol} = {_shown(q, v)}" for q, v, _ in estimates(c))
+            fitted = [f"{c.evidence:+.1f}", f"{100 * c.explained_variance:.0f} %", c.held_out.percent, values]
+            doubts = "; ".join(c.doubts)
+        said = "added" if s.name in d.names else "not told apart" if s.name in alike else doubts
+        rows.append((cause_title(s.name), f"{s.z:.1f}", *fitted, said))
+    title = f"round {number}" if len(d.steps) > 1 else ""
+    return Table(heads, rows, title, none="No candidate was tried.", most=10)
+
+
+def _numerical(d: Discovery) -> Table:
+    mesh = any(e.kind == "cut" for e in d.campaign.train)
+    rows = [
+        (
+            f"{s.name} ({s.sensitivity.candidate.title})",
+            f"{s.z:.1f}",
+            f"{100 * max(d.numerics.shares[s.name], 0):.0f} %",
+        )
+        for s in d.numerics.scores
+    ]
+    none = "Not asked: the baseline does not fail." if mesh else "These tests are computed without a mesh."
+    return Table(("cause", "z", "would explain"), rows, none=none)
+
+
+def _remains(d: Discovery) -> list[str | Table]:
+    if not d.steps:
+        return ["Not asked."]
+    last = d.steps[-1].scores
+    return [
+        f"{'More than' if d.remains else 'Nothing beyond'} the scatter: χ² = {last.chi2:.0f}, data that"
+        f" the model describes have {last.expected:.0f} on average.",
+        *([_misfits(d.left, "No single section stands out.")] if d.remains else []),
+    ]
+
+
+def _errors(d: Discovery) -> Table:
+    gains = {"fitted tests": _train(d), "held out": None if d.held_out is None else picked(d.held_out, *GAIN)}
+    rows = [
+        (
+            words + (f": {g['how']}" if "how" in g else ""),
+            *(f"{g[k]:.3g} {_unit(str(g['unit']))}" for k in GAIN[:3]),
+        )
+        for words, g in gains.items()
+        if g is not None
+    ]
+    return Table(("root mean square error", "baseline", "extended model", "scatter and noise alone"), rows)
 
 
 def summary(d: Discovery) -> str:
@@ -172,58 +292,65 @@ def summary(d: Discovery) -> str:
     Returns
     -------
     str
-        Several lines: the verdict, where the baseline is wrong, causes and candidates, the next experiment,
-        notes.
+        The verdict, where the baseline is wrong, causes and candidates, the next experiment, notes.
     """
-    lines = [
-        d.campaign.title,
-        *([d.fit.far] if d.fit.far else []),
-        f"baseline: {d.fit.case.model.described}",
-        f"verdict: {d.verdict}",
-        verdict_sentence(d),
+    return report(d).text()
+
+
+def summary_lines(d: Discovery) -> list:
+    """Head, then pairs of words."""
+    return report(d).summary_lines()
+
+
+def table(d: Discovery) -> dict[str, list]:
+    """The candidates of the round that found, a row each; not a number where one was not fitted."""
+    rows = [] if d.telling is None else d.telling.ranking
+    return {
+        "candidate": [s.name for s, _ in rows],
+        "class": [family_of(s.name) for s, _ in rows],
+        "kind": [s.sensitivity.candidate.cause for s, _ in rows],
+        "score": [s.z for s, _ in rows],
+        "log_evidence": [math.nan if c is None else c.evidence for _, c in rows],
+        "explains": [math.nan if c is None else c.explained_variance for _, c in rows],
+        "gain_heldout": [math.nan if c is None else c.held_out.gain for _, c in rows],
+        "gain_se": [math.nan if c is None else c.held_out.gain_se for _, c in rows],
+        "added": [s.name in d.names for s, _ in rows],
+    }
+
+
+def write_discovery(d: Discovery, folder: Path) -> list[Path]:
+    """Write ``discovery.json``, ``discovery.html`` and the case file ``case.toml``, each whole or not at all.
+
+    A discovery without a final model has no case file.
+
+    Parameters
+    ----------
+    d : Discovery
+        The discovery.
+    folder : Path
+        Where to; made if need be.
+
+    Returns
+    -------
+    list of Path
+        What was written.
+    """
+    case = check_writable(folder) / "case.toml"
+    paths = [
+        write_json(to_dict(d), folder / "discovery.json"),
+        write_text(report(d).page(), folder / "discovery.html"),
     ]
-    if text := gain_sentence(d):
-        lines.append(text)
-    wrong = [s for s in d.wrong if s.wrong][:6]
-    if wrong:
-        lines += ["", "where the baseline is wrong (measured less computed)"]
-        lines += [
-            f"  {s.experiment.id}: {place_of(s)}: {s.bias:+.3g} {s.experiment.y_unit}, z = {s.z:+.1f}"
-            for s in wrong
-        ]
-    if d.numerics.scores:
-        lines += ["", "numerical causes"]
-        lines += [f"  {s.name}: z = {s.z:.1f}, would explain {100 * d.numerics.shares[s.name]:.0f} %"
-                  for s in d.numerics.scores]  # fmt: skip
-    for number, step in enumerate(d.steps, 1):
-        if step.scores.scores:
-            lines += [
-                "",
-                f"candidates, round {number}: score z, log evidence, explained, gain on held-out data",
-            ]
-            lines += ["  " + _line(s, c, d.names) for s, c in ranking(step)[:10]]
-    lines += ["", f"next experiment: {d.next_experiment}"]
-    if d.notes:
-        lines += ["", "notes", *(f"  {note}" for note in d.notes)]
-    return "\n".join(lines)
+    if d.final is None or not d.fit.done:
+        case.unlink(missing_ok=True)
+        return paths
+    name = f" of {d.campaign.path.name}" if d.campaign.path else ""
+    note = f"Model at the end of a discovery{name}: {verdict_sentence(d)}"
+    remarks = {u.name: "fitted" for u in d.final.posterior.parameters}
+    return [*paths, write_case(d.campaign, d.final.case, note, remarks, case)]
 
 
-def _line(s: Score, c: ComparedModel | None, found: tuple[str, ...]) -> str:
-    text = f"{s.name:<20} z = {s.z:4.1f}"
-    if c is None:
-        return text
-    values = ", ".join(f"{q.symbol} = {q.show(v)}" for q, v, _ in estimates(c))
-    mark = " <- added" if s.name in found else ""
-    return (
-        f"{text} {c.evidence:+6.1f} {100 * c.explained_variance:4.0f} %  {c.held_out.percent}  {values}{mark}"
-    )
-
-
-def ranking(step: ComparisonRound) -> list[tuple[Score, ComparedModel | None]]:
-    """What was fitted, the most probable first, then the other candidates by their score."""
-    scored, fitted = {s.name: s for s in step.scores.scores}, [c.name for c in step.compared]
-    rest = [(s, None) for s in step.scores.scores if s.name not in fitted]
-    return [*((scored[c.name], c) for c in step.compared), *rest]
+#: What ``Discovery.save`` calls.
+write = write_discovery
 
 
 def estimates(c: ComparedModel) -> list[tuple[Parameter, float, float]]:
@@ -255,15 +382,15 @@ def to_dict(d: Discovery) -> dict:
         "kinds": {name: cause_of(name) for name in d.names},
         "sentence": verdict_sentence(d),
         "gain_sentence": gain_sentence(d),
-        "ranking": [] if telling is None else [_ranked(s, c, d.names) for s, c in ranking(telling)],
+        "ranking": [] if telling is None else [_ranked(s, c, d.names) for s, c in telling.ranking],
         "not_tried": d.not_tried,
         "confounded": [list(group) for group in d.groups],
         "where_wrong": [_section(s) for s in d.wrong if s.wrong],
         "remains": [_section(s) for s in d.left if s.wrong],
         "gain": {
             "train": _train(d),
-            "heldout": None if d.held_out is None else _fields(d.held_out, *GAIN),
-            "clean": None if d.noise_free is None else _fields(d.noise_free, "value", "low", "high", "near"),
+            "heldout": None if d.held_out is None else picked(d.held_out, *GAIN),
+            "clean": None if d.noise_free is None else picked(d.noise_free, "value", "low", "high", "near"),
         },
         "next_experiment": d.next_experiment,
         "proposed_experiments": [
@@ -298,7 +425,7 @@ def _cause(f: FoundCause) -> dict:
     c = f.compared
     return {
         "name": f.name, "title": c.candidate.title, "kind": c.candidate.cause, "class": family_of(f.name),
-        "log_evidence": c.evidence, "explains": c.explained_variance, "gain": _fields(c.held_out, *GAIN),
+        "log_evidence": c.evidence, "explains": c.explained_variance, "gain": picked(c.held_out, *GAIN),
     }  # fmt: skip
 
 
@@ -352,10 +479,6 @@ def _section(s: Section) -> dict:
     }
 
 
-def _fields(one: object, *names: str) -> dict:
-    return {name: getattr(one, name) for name in names}
-
-
 def _train(d: Discovery) -> dict | None:
     """Root mean square errors of the fitted tests before and after, and what scatter and noise make."""
     if d.first is None or d.final is None:
@@ -398,7 +521,7 @@ def _round(step: ComparisonRound, d: Discovery) -> dict:
         "accepted": taken,
         "cannot_be_told_apart": [c.name for c in step.group],
         "residual": _residual(step),
-        "candidates": [_ranked(s, c, d.names) for s, c in ranking(step)],
+        "candidates": [_ranked(s, c, d.names) for s, c in step.ranking],
         "left_out": dict(step.left_out),
         "not_tried": dict(step.failed),
     }

@@ -91,7 +91,7 @@ class Discovery(Displayed):
     ('none', (), 'converged')
     """
 
-    display_module: ClassVar[str] = "cutbench.discovery.display"
+    display_module: ClassVar[str] = "cutbench.discovery.report"
 
     campaign: Campaign
     fit: Fit

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from cutbench.base.figure_style import COLOURS, SINGLE_MM, force_from_zero, new_figure, save, style
-from cutbench.base.files import check_writable, write_json, write_text
+from cutbench.base.files import check_writable, csv_text, write_json, write_text
 from cutbench.emulator.atlas import MEASURES, Estimate
 
 
@@ -68,9 +68,6 @@ def write(found: Estimate, folder: Path) -> None:
     folder = check_writable(folder)
     write_json(to_dict(found), folder / "estimate.json")
     columns = table(found)
-    rows = [
-        ",".join(columns),
-        *(",".join(f"{v:.6g}" for v in row) for row in zip(*columns.values(), strict=True)),
-    ]
-    write_text("\n".join(rows) + "\n", folder / "estimate.csv")
+    rows = [[f"{value:.6g}" for value in row] for row in zip(*columns.values(), strict=True)]
+    write_text(csv_text(list(columns), rows), folder / "estimate.csv")
     save(figure_of(found), folder / "estimate.png")

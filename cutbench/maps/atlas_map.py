@@ -11,6 +11,7 @@ import xarray as xr
 from scipy.interpolate import RegularGridInterpolator
 
 from cutbench.base.errors import BadInput
+from cutbench.base.files import write_text
 from cutbench.base.toml import line_of
 from cutbench.case.case import Case
 from cutbench.emulator.atlas import Atlas, Measures, NotInAtlas, depth_of, shipped
@@ -23,7 +24,7 @@ from cutbench.maps.boundary import (
     spread_of,
 )
 from cutbench.maps.dataset import ESTIMATE, LABELS, OUTCOME_FLAGS, MapRow, build_map, load_map, save_map
-from cutbench.maps.page import save_page
+from cutbench.maps.page import page
 from cutbench.maps.phase import save_phase
 from cutbench.maps.study import Study
 from cutbench.run.measures import ABRUPT, SMOOTH, UNCUT, label
@@ -210,5 +211,5 @@ def write_estimated(study: Study, folder: Path) -> xr.Dataset:
     data = estimated_map(study).assign_attrs({ESTIMATE: "An estimate: no run of its own"})
     save_map(data, folder)
     save_phase(data, folder)
-    save_page(data, None, folder)
+    write_text(page(data, None), folder / "map.html")
     return data

@@ -16,8 +16,9 @@ Abrupt, then: 1 − F_s(d_on)/F_on ≥ the study's threshold, and U ≥ 2a F_s(d
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -120,18 +121,20 @@ class EstimateComparison:
         return "; ".join(parts) + "."
 
 
-def estimated_margin(data: xr.Dataset) -> Callable[[Mapping[str, float]], float]:
-    """``Classical.margin`` by place of a map (axis name -> value); nan where there is none."""
-    physics = physics_by_place(data)
-
-    def margin(values: Mapping[str, float]) -> float:
+def margin_on_grid(data: xr.Dataset, values: Mapping[str, Sequence[float] | np.ndarray]) -> np.ndarray | None:
+    """``Classical.margin`` at all combinations of a map's ``values`` by axis, with a length an axis; nan
+    where there is none. None where the estimates have no boundary among these."""
+    physics, margins = physics_by_place(data), []
+    for place in itertools.product(*values.values()):
         try:
-            found = classical(physics(values))
+            found = classical(physics(dict(zip(values, place, strict=True))))
         except BadInput:
-            return math.nan
-        return math.nan if found is None else found.margin(data.attrs["drop_threshold"])
-
-    return margin
+            found = None
+        margins.append(math.nan if found is None else found.margin(data.attrs["drop_threshold"]))
+    known = np.array(margins)[np.isfinite(margins)]
+    if not known.size or not known.min() < 0 <= known.max():
+        return None
+    return np.reshape(margins, [len(each) for each in values.values()])
 
 
 def compare(data: xr.Dataset) -> EstimateComparison:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import io
 import json
 import math
@@ -10,12 +9,13 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
 
 from cutbench.base.errors import BadInput
-from cutbench.base.files import replacing
+from cutbench.base.files import csv_text, replacing, write_text
 from cutbench.base.versions import versions
 from cutbench.case.values import parameter_of
 from cutbench.maps.axes import Axis
@@ -367,6 +367,46 @@ def places_of(data: xr.Dataset) -> dict[str, np.ndarray]:
     return dict(zip(names, np.meshgrid(*(data[n].values for n in names), indexing="ij"), strict=True))
 
 
+@dataclass(frozen=True)
+class MapRun:
+    """One run of a map, or the own run of a marked material: ``mark`` is its name, ``differs`` in what it is
+    not the map's. ``columns`` are the map's variables there; without a run (``id`` is empty) it has none."""
+
+    id: str
+    at: Mapping[str, float]
+    columns: Mapping[str, Any]
+    mark: str = ""
+    differs: str = ""
+
+    @property
+    def outcome(self) -> str:
+        """How it ended; empty without a run."""
+        return OUTCOME_FLAGS[int(self.columns["outcome"])] if self.columns else ""
+
+    @property
+    def label(self) -> str:
+        """Its regime; that of none without a run."""
+        return LABELS[int(self.columns["label"])] if self.columns else NOT_COMPUTED
+
+
+def runs_of(data: xr.Dataset) -> list[MapRun]:
+    """All runs of a map, then its marked materials."""
+    places, runs = places_of(data), []
+    about = ("label", "outcome", "reached_mm", "message", "run_id")
+    columns = {n: data[n].values for n in (*NUMBERS, KIND, *AT_REST, *RATIOS, *about) if n in data}
+    for index in map(tuple, np.argwhere(columns["run_id"] != "")):
+        at = {name: float(values[index]) for name, values in places.items()}
+        runs.append(MapRun(str(columns["run_id"][index]), at, {n: v[index] for n, v in columns.items()}))
+    for mark in json.loads(data.attrs["marks"]):
+        at, own, differs = {name: float(mark[name]) for name in places}, {}, ""
+        if "mark" in data.coords and mark["name"] in data["mark"].values:
+            there = data.sel(mark=mark["name"])
+            own = {name: there[f"mark_{name}"].item() for name in columns if f"mark_{name}" in data}
+            differs = str(there["mark_differs"].item())
+        runs.append(MapRun(own.get("run_id", ""), at, own, mark["name"], differs))
+    return runs
+
+
 def save_map(data: xr.Dataset, folder: Path) -> None:
     """Write ``map.nc`` and ``map.csv``, each whole or not at all.
 
@@ -384,8 +424,7 @@ def save_map(data: xr.Dataset, folder: Path) -> None:
         whole = io.BytesIO()
         data.to_netcdf(whole, engine="h5netcdf", encoding=packed)
         draft.write_bytes(whole.getbuffer())
-    with replacing(folder / "map.csv") as draft:
-        draft.write_text(to_csv(data), encoding="utf-8", newline="")
+    write_text(to_csv(data), folder / "map.csv")
 
 
 def to_csv(data: xr.Dataset) -> str:
@@ -394,27 +433,16 @@ def to_csv(data: xr.Dataset) -> str:
     dims = axes_of(data)
     units = {name: data[name].attrs["units"] for name in dims}
     heads = [name if unit == "1" else f"{name} [{unit}]" for name, unit in units.items()]
-    numbers = [name for name in (*NUMBERS, KIND, *AT_REST) if name in data]  # older maps have fewer
-    numbers += [name for name in RATIOS if name in data]
+    numbers = [name for name in (*NUMBERS, KIND, *AT_REST, *RATIOS) if name in data]  # older maps have fewer
     columns = ["label", *numbers, "outcome", "reached_mm", "run_id", "message"]
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
-    marks = {mark["name"]: mark for mark in json.loads(data.attrs["marks"])} if "mark" in data else {}
-    writer.writerow([*heads, *columns, *(["mark"] if marks else [])])
-    gridded = list(data["label"].dims) == dims
-    found, ticks = {name: data[name].values for name in columns}, [data[dim].values for dim in dims]
-    for index in np.ndindex(data["label"].shape):
-        if not found["run_id"][index]:
-            continue  # a place of a search at which no run was needed
-        at = index if gridded else index * len(dims)
-        line = [f"{values[i]:.10g}" for values, i in zip(ticks, at, strict=True)]
-        cells = [_cell(name, found[name][index]) for name in columns]
-        writer.writerow([*line, *cells, *([""] if marks else [])])
-    for k, (name, mark) in enumerate(marks.items()):
-        line = [f"{mark[dim]:.10g}" for dim in dims]
-        cells = [_cell(c, data[f"mark_{c}"].values[k]) if f"mark_{c}" in data else "" for c in columns]
-        writer.writerow([*line, *cells, name])
-    return out.getvalue()
+    marked = ["mark"] if "mark" in data else []
+    rows = [
+        [*(f"{run.at[name]:.10g}" for name in dims),
+         *(_cell(name, run.columns[name]) if name in run.columns else "" for name in columns),
+         *([run.mark] if marked else [])]
+        for run in runs_of(data) if run.columns
+    ]  # fmt: skip
+    return csv_text([*heads, *columns, *marked], rows)
 
 
 def _cell(name: str, value) -> str:

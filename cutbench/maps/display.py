@@ -17,16 +17,15 @@ from cutbench.maps.phase import draw_plane
 
 def summary_lines(map: Map) -> list:
     """Head, then pairs of words."""
-    data, lines = map.data, []
-    for name in axes_of(data):
-        axis = axis_of(data, name)
-        unit = "" if axis.unit == "1" else f" {axis.unit}"
-        lines.append((name, f"{axis.values[0]:g} to {axis.values[-1]:g}{unit}"))
-    runs = data["run_id"].values != ""
-    for k, label in enumerate(LABELS):
-        if count := int(((data["label"].values == k) & runs).sum()):
-            lines.append((label, f"{count} run" + "s" * (count != 1)))
-    return [str(data.attrs["title"]), *lines]
+    data = map.data
+    axes = [axis_of(data, name) for name in axes_of(data)]
+    labels = data["label"].values[data["run_id"].values != ""]
+    counts = {label: int((labels == k).sum()) for k, label in enumerate(LABELS)}
+    return [
+        str(data.attrs["title"]),
+        *((a.name, f"{a.values[0]:g} to {a.values[-1]:g} {a.unit}".removesuffix(" 1")) for a in axes),
+        *((label, f"{n} run{'s' * (n != 1)}") for label, n in counts.items() if n),
+    ]
 
 
 def plot(map: Map, ax: Axes) -> None:

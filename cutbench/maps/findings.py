@@ -8,13 +8,12 @@ import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import xarray as xr
 
 from cutbench.base.errors import BadInput
-from cutbench.base.files import replacing
+from cutbench.base.report import aligned
 from cutbench.case.physics import Physics
 from cutbench.case.values import CLAMP
 from cutbench.maps.dataset import LABELS, NOT_COMPUTED, OUTCOME_FLAGS, axes_of, axis_of, places_of
@@ -53,26 +52,20 @@ class Findings:
 
     def lines(self) -> list[str]:
         """A table in plain words, one line a finding."""
-        rows = [(name, count, "") for name, count in self.labels.items()]
-        rows = [(name, n, f"({self._deepen()})" if name == UNCUT else note) for name, n, note in rows]
-        if self.open_ended:
-            rows.append(("open", self.open_ended, f"of them end before a drop is known ({self._deepen()})"))
-        if self.crossed:
-            rows.append(("crossed", self.crossed, "of them pass through themselves"))
-        for kind, reasons in self.short.items():
-            told = [f"{n} × {reason}" for reason, n in list(reasons.items())[:_MAX_REASONS]]
-            more = [f"and {len(reasons) - _MAX_REASONS} other reasons"] if len(reasons) > _MAX_REASONS else []
-            rows.append((kind, sum(reasons.values()), f"({'; '.join([*told, *more])})"))
-        if self.missing:
-            rows.append(("to come", self.missing, ""))
-        wide = max((len(name) for name, *_ in rows), default=0)
-        found = [f"  {name:<{wide}} {count:>5}  {note}".rstrip() for name, count, note in rows]
-        found += [f"  {text}" for text in self.kinds]
-        if self.marks:
-            own = [f"{name} {label}" + (f" ({drop:.2g})" if math.isfinite(drop) else "")
-                   for name, label, drop in self.marks]  # fmt: skip
-            found.append(f"  own runs, with their drop: {', '.join(own)}")
-        return found
+        rows = [(name, n, f"({self._deepen()})" if name == UNCUT else "") for name, n in self.labels.items()]
+        rows += [
+            ("open", self.open_ended, f"of them end before a drop is known ({self._deepen()})"),
+            ("crossed", self.crossed, "of them pass through themselves"),
+            *((kind, sum(reasons.values()), _reasons(reasons)) for kind, reasons in self.short.items()),
+            ("to come", self.missing, ""),
+        ]
+        own = ", ".join(
+            f"{name} {label}" + (f" ({drop:.2g})" if math.isfinite(drop) else "")
+            for name, label, drop in self.marks
+        )
+        counted = aligned([(name, f"{count:>5}", note) for name, count, note in rows if count])
+        told = [f"own runs, with their drop: {own}"] if own else []
+        return [f"  {text}" for text in (*counted, *self.kinds, *told)]
 
     def _deepen(self) -> str:
         if math.isnan(self.deepen_mm):
@@ -80,6 +73,12 @@ class Findings:
         if self.deepen_mm > self.deepest_mm:
             return f"by the others' trend {self.deepen_mm:.3g} mm would do: more than the specimen has"
         return f'by the others\' trend depth = "{self.deepen_mm:.3g} mm" would do'
+
+
+def _reasons(reasons: Mapping[str, int]) -> str:
+    told = [f"{n} × {reason}" for reason, n in reasons.items()]
+    more = [f"and {len(told) - _MAX_REASONS} other reasons"] if len(told) > _MAX_REASONS else []
+    return f"({'; '.join(told[:_MAX_REASONS] + more)})"
 
 
 def findings(data: xr.Dataset) -> Findings:
@@ -131,25 +130,22 @@ def findings(data: xr.Dataset) -> Findings:
 
 
 def boundary_sentences(data: xr.Dataset) -> list[str]:
-    """How well a boundary is known that was sought, in a sentence; nothing of other maps."""
+    """How well a boundary is known that was sought, and what it owes to numerics and model, in sentences."""
+    strips = strip_sentences(data)
     if "margin" not in data:
-        return []
+        return strips
     unsure, sides = float(data["unsure"].mean()), (data["margin"] >= 0).values
     if sides.all() or not sides.any():
-        return ["no boundary: one regime on the whole map"]
-    if unsure:
-        return [f"boundary: not known to the tolerance (95 %) on {100 * unsure:.2g} % of the map"]
-    return ["boundary: known to the tolerance everywhere (95 %)"]
+        return ["no boundary: one regime on the whole map", *strips]
+    known = f"not known to the tolerance (95 %) on {100 * unsure:.2g} % of the map"
+    return [f"boundary: {known if unsure else 'known to the tolerance everywhere (95 %)'}", *strips]
 
 
-def save_findings(data: xr.Dataset, folder: Path, more: Sequence[str] = ()) -> Path:
-    """Write ``summary.txt`` into ``folder``: the title, the findings, and ``more`` lines."""
+def summary_text(data: xr.Dataset, more: Sequence[str] = ()) -> str:
+    """What ``summary.txt`` holds: the title, the findings, and ``more`` lines."""
     found = findings(data)
-    with replacing(folder / FILE) as draft:
-        told = [*found.lines(), *boundary_sentences(data), *strip_sentences(data), *more]
-        lines = [data.attrs["title"], f"{found.runs} runs", *told]
-        draft.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    return folder / FILE
+    told = [*found.lines(), *boundary_sentences(data), *more]
+    return "\n".join([data.attrs["title"], f"{found.runs} runs", *told])
 
 
 def _physics(data: xr.Dataset) -> Physics | None:

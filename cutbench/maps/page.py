@@ -12,10 +12,9 @@ import json
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from html import escape
-from importlib import resources
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -25,33 +24,36 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.special import ndtr
 
 from cutbench.base.errors import BadInput
-from cutbench.base.files import replacing
-from cutbench.base.greek import plain_formula, plain_symbol
+from cutbench.base.greek import plain_formula, plain_symbol, subscripted
+from cutbench.base.report import Table, filled, packaged_text
 from cutbench.base.units import Parameter
 from cutbench.case.case import Case
 from cutbench.case.physics import Physics
 from cutbench.maps.axes import Axis
 from cutbench.maps.boundary_line import shown_strips
-from cutbench.maps.closed_form_estimates import estimated_margin
+from cutbench.maps.closed_form_estimates import margin_on_grid
 from cutbench.maps.dataset import (
     ESTIMATE,
     LABELS,
     NOT_COMPUTED,
     NUMBERS,
     OUTCOME_FLAGS,
+    MapRun,
     axes_of,
     axis_of,
     places_of,
+    runs_of,
 )
 from cutbench.maps.guidance import MapReader
 from cutbench.maps.map_cases import computed_by, physics_by_place
 from cutbench.maps.plot_coordinates import DROP_COLOURS, SMALLEST_IN_LOG, between, drop_text
-from cutbench.mechanisms import registry
-from cutbench.run.figures.curve import NEGLIGIBLE, NO_MECHANISM, look_of, smooth_force
+from cutbench.run.figures.curve import ledger_shares, look_of, smooth_force, title_of
 from cutbench.run.measures import NOTED, UNCUT, forward
 from cutbench.run.result import Result
 from cutbench.run.store.runs import Store
 
+#: Where the parts of the page lie.
+_PLACE = "cutbench.maps"
 #: Of more runs than these the curves have half the points.
 _MAX_RUNS_IN_DETAIL = 300
 #: A curve is thinned until what is drawn is so near to it, relative to its largest force; to so many points
@@ -79,46 +81,37 @@ _TITLES = {
     "crossed_mm2": "crossed area",
     "snap_rel": "work in jumps",
 }
+_CLOSURE = "what the energy balance does not account for, relative to the work of the blade"
 #: Kinds of points where they are not the labels of runs.
 _KINDS = {NOT_COMPUTED: "not computed", UNCUT: "not cut"}
+#: A quantity of a run and the parameter that it sets; None where its model has none.
+Pair = tuple[float, float] | None
 TO_COME, NO_RUN = "to come", "no run of its own"
 
 
-def save_page(data: xr.Dataset, store: Store | None, folder: str | Path) -> Path:
-    """Write ``map.html`` into ``folder``; curves come from ``store``, and are missing without one."""
-    target = Path(folder) / "map.html"
-    with replacing(target) as draft:
-        draft.write_text(page(data, store), encoding="utf-8")
-    return target
-
-
 def page(data: xr.Dataset, store: Store | None) -> str:
-    """The whole page as HTML, its data, its style and its scripts in it."""
-    found = contents(data, store)
+    """The whole page as HTML, its data, its style and its scripts in it; curves come from ``store``, and are
+    missing without one."""
+    drawn = contents(data, store)
     # "</script>" in a title must not end the script.
-    content = json.dumps(found, separators=(",", ":"), ensure_ascii=False).replace("<", "\\u003c")
+    content = json.dumps(drawn, separators=(",", ":"), ensure_ascii=False).replace("<", "\\u003c")
     parts = {
-        "__TITLE__": escape(data.attrs["title"]),
-        "__BY__": escape(f"{data.attrs[ESTIMATE] or 'Computed'}; by {computed_by(data)}."),
-        "__STYLE__": _web("page.css"),
-        "__CONTROLS__": _controls(found),
-        "__MARKS__": _marks(found["points"]),
-        "__TABLE__": _table(data),
-        "__DATA__": content,
-        "__PLOTLY__": _web("plotly/plotly-cartesian.min.js"),
-        "__SCRIPT__": _web("page.js"),
+        "TITLE": escape(data.attrs["title"]),
+        "BY": escape(f"{data.attrs[ESTIMATE] or 'Computed'}; by {computed_by(data)}."),
+        "STYLE": packaged_text(_PLACE, "web/page.css"),
+        "CONTROLS": _controls(drawn),
+        "MARKS": _marks(drawn["points"]),
+        "TABLE": _table(data).html_rows(),
+        "DATA": content,
+        "PLOTLY": packaged_text(_PLACE, "web/plotly/plotly-cartesian.min.js"),
+        "SCRIPT": packaged_text(_PLACE, "web/page.js"),
     }
-    return re.sub("|".join(parts), lambda match: parts[match[0]], _web("page.html"))
-
-
-def _web(name: str) -> str:
-    """A part of the page as the package has it."""
-    return resources.files("cutbench.maps").joinpath("web", *name.split("/")).read_text(encoding="utf-8")
+    return filled(_PLACE, "web/page.html", parts)
 
 
 def contents(data: xr.Dataset, store: Store | None) -> dict:
     """What the script draws, as plain data: axes, layers, strips, points with their curves and words."""
-    names, runs = axes_of(data), _runs(data)
+    names, runs = axes_of(data), runs_of(data)
     results = [store.get(run.id) if store is not None and run.id else None for run in runs]
     most = MAX_CURVE_POINTS if len(runs) <= _MAX_RUNS_IN_DETAIL else MAX_CURVE_POINTS // 2
     curves = [curve_of(result, most) if result else None for result in results]
@@ -127,22 +120,16 @@ def contents(data: xr.Dataset, store: Store | None) -> dict:
     layers, axes = layers_of(data), {name: axis_of(data, name) for name in names}
     physics = _physics_of(data, runs, results)
     quantities = _quantities(physics)
-    points = []
-    for run, result, curve, own in zip(runs, results, curves, physics, strict=True):
-        told = _Words(data, axes, run, result, curve, own)
-        points.append(
-            {
-                "id": run.id or f"mark-{run.mark}", "mark": run.mark, "kind": run.kind,
-                "at": [_short(run.at[name]) for name in names], "drop": run.number("drop_rel"),
-                "text": told.hover(), "head": told.head(), "notes": told.notes(),
-                "rows": told.rows(quantities), "curve": curve, "spots": told.spots(),
-            }
-        )  # fmt: skip
+    points = [
+        _point(run, axes, curve)
+        | {"rows": _rows(run, axes, result, [(q, q.values(own)) for q in quantities])}
+        for run, result, curve, own in zip(runs, results, curves, physics, strict=True)
+    ]
     ladder = layers["chance"]["values"] if "margin" in data and "chance" in layers else None
-    drops = [run.number("drop_rel") or 0.0 for run in runs]
+    drops = [_number(run, "drop_rel") or 0.0 for run in runs]
     drops += [z / PER for z in layers.get("drop", {}).get("z", ()) if z is not None]
     threshold = float(data.attrs["drop_threshold"])
-    looks = json.loads(_web("looks.json"))
+    looks = json.loads(packaged_text(_PLACE, "web/looks.json"))
     looks["shades"]["drop"]["colorbar"]["title"]["text"] = drop_text(data)
     return {
         "axes": [
@@ -164,148 +151,92 @@ def contents(data: xr.Dataset, store: Store | None) -> dict:
     }
 
 
-@dataclass(frozen=True)
-class _Run:
-    """One run of a map, or the own run of a marked material: ``mark`` is its name, ``differs`` in what it is
-    not the map's. ``columns`` are the map's variables there; without a run (``id`` is empty) it has none."""
-
-    id: str
-    at: Mapping[str, float]
-    columns: Mapping[str, Any]
-    mark: str = ""
-    differs: str = ""
-
-    @property
-    def outcome(self) -> str:
-        """How it ended; empty without a run."""
-        return OUTCOME_FLAGS[int(self.columns["outcome"])] if self.columns else ""
-
-    @property
-    def kind(self) -> str:
-        """The regime in words, or why there is none."""
-        if not self.outcome or self.outcome == OUTCOME_FLAGS[0]:
-            return TO_COME if self.outcome else NO_RUN
-        label = LABELS[int(self.columns["label"])]
-        return _KINDS.get(label, label)
-
-    def number(self, name: str) -> float | None:
-        """One of its numbers; None where there is none."""
-        return _short(self.columns.get(name, math.nan))
+def _kind(run: MapRun) -> str:
+    """Its regime in words, or why there is none."""
+    if not run.outcome or run.outcome == OUTCOME_FLAGS[0]:
+        return TO_COME if run.outcome else NO_RUN
+    return _KINDS.get(run.label, run.label)
 
 
-def _runs(data: xr.Dataset) -> list[_Run]:
-    """All runs, then the marked materials."""
-    places, found = places_of(data), []
-    known = [n for n in (*NUMBERS, "label", "outcome", "reached_mm", "message", "run_id") if n in data]
-    columns = {name: data[name].values for name in known}
-    for index in np.argwhere(columns["run_id"] != ""):
-        i = tuple(index)
-        at = {name: float(values[i]) for name, values in places.items()}
-        found.append(_Run(str(columns["run_id"][i]), at, {name: v[i] for name, v in columns.items()}))
-    for mark in json.loads(data.attrs["marks"]):
-        at = {name: float(mark[name]) for name in places}
-        if "mark" in data.coords and mark["name"] in data["mark"].values:
-            own = data.sel(mark=mark["name"])
-            told = {name: own[f"mark_{name}"].item() for name in known if f"mark_{name}" in data}
-            found.append(_Run(told["run_id"], at, told, mark["name"], str(own["mark_differs"].item())))
-        else:
-            found.append(_Run("", at, {}, mark["name"]))
-    return found
+def _number(run: MapRun, name: str) -> float | None:
+    """One of its numbers; None where there is none."""
+    return _short(run.columns.get(name, math.nan))
 
 
-@dataclass(frozen=True)
-class _Words:
-    """What the page says of one run."""
+def _point(run: MapRun, axes: Mapping[str, Axis], curve: dict | None) -> dict:
+    """What the page says of one run, but for its numbers."""
+    drop, name = _number(run, "drop_rel"), f"{run.mark}: " if run.mark else ""
+    where = ", ".join(f"{_label(axis)} {_on_axis(axis, run.at[name])}" for name, axis in axes.items())
+    hover, head = (
+        "" if drop is None else f"{words} {_percent(drop)}"
+        for words in (", force drop", ": the force falls by")
+    )
+    return {
+        "id": run.id or f"mark-{run.mark}", "mark": run.mark, "kind": _kind(run),
+        "at": [_short(value) for value in run.at.values()], "drop": drop,
+        "text": f"{escape(name)}{_kind(run)}{hover}<br>{where}", "head": f"{name}{_kind(run)}{head}",
+        "notes": _notes(run, curve), "curve": curve, "spots": _spots(run, curve),
+    }  # fmt: skip
 
-    data: xr.Dataset
-    axes: Mapping[str, Axis]
-    run: _Run
-    result: Result | None
-    curve: dict | None
-    physics: Physics | Case | None
 
-    def where(self) -> str:
-        at = self.run.at
-        return ", ".join(f"{_label(axis)} {_on_axis(axis, at[name])}" for name, axis in self.axes.items())
+def _notes(run: MapRun, curve: dict | None) -> str:
+    reached, crossed, drag = (_number(run, n) for n in ("reached_mm", "crossed_mm", "drag_steps"))
+    message, error = str(run.columns.get("message", "")), curve["error"] if curve else 0.0
+    without = "its curve is not here: the page was written without the folder of the runs"
+    notes = {
+        f"not as on the map: {subscripted(plain_formula(run.differs))}": run.differs,
+        run.outcome + ("" if reached is None else f" at {_text(reached, 'mm')}"):
+            run.outcome not in ("", "done", OUTCOME_FLAGS[0]),
+        escape(message): message,
+        f"its surface passes through itself from {_text(crossed, 'mm')} on": crossed is not None,
+        f"{drag or 0:.0f} points of the curve needed raised damping": drag,
+        without: run.id and run.outcome != OUTCOME_FLAGS[0] and curve is None,
+        f"lines stay within {_percent(error)} of the largest force or share": error,
+    }  # fmt: skip
+    return "; ".join(text for text, holds in notes.items() if holds)
 
-    def hover(self) -> str:
-        drop = self.run.number("drop_rel")
-        falls = "" if drop is None else f", force drop {_percent(drop)}"
-        name = f"{escape(self.run.mark)}: " if self.run.mark else ""
-        return f"{name}{self.run.kind}{falls}<br>{self.where()}"
 
-    def head(self) -> str:
-        drop = self.run.number("drop_rel")
-        falls = "" if drop is None else f": the force falls by {_percent(drop)}"
-        return f"{self.run.mark}{': ' if self.run.mark else ''}{self.run.kind}{falls}"
+def _rows(
+    run: MapRun, axes: Mapping[str, Axis], result: Result | None, quantities: Sequence[tuple[_Quantity, Pair]]
+) -> str:
+    """The run's numbers as rows of a table."""
+    drawn, known, rows = set(), {q.name: (q, pair) for q, pair in quantities}, [_part("Where it is")]
+    for name, axis in axes.items():
+        q, pair = known.get(name, (None, None))
+        drawn.add(plain_symbol(axis.symbol) if q is None else q.parameter.symbol)
+        cells = [_on_axis(axis, run.at[name]), *(q.said(pair) if q else [])]
+        symbol = "" if axis.mechanism else plain_symbol(axis.symbol)
+        rows.append(_row(_label(axis), symbol, cells, axis.long_name))
+    for q, pair in quantities:
+        if pair and q.parameter.symbol not in drawn:
+            title = q.parameter.doc if q.symbol == q.parameter.symbol else q.name.replace("_", " ")
+            rows.append(_row(title, q.symbol, [_text(pair[0], q.unit), *q.said(pair)], q.parameter.doc))
+    if not run.outcome:
+        return "".join(rows)
+    closure = math.nan if result is None else float(result.measures.get("closure", math.nan))
+    numbers = {name: _number(run, name) for name in NUMBERS}
+    entries = [
+        *((_title(name), _text(value, NUMBERS[name][0]), NUMBERS[name][1])
+          for name, value in numbers.items() if value or (value == 0 and name not in NOTED)),
+        ("closure", _percent(closure) if math.isfinite(closure) else "", _CLOSURE),
+        ("reached", _text(_number(run, "reached_mm"), "mm").strip("–"), "blade travel reached"),
+        ("run", run.id, "its folder in the store"),
+    ]  # fmt: skip
+    rows.append(_part("What was found"))
+    rows += [_row(title, "", [text], meaning) for title, text, meaning in entries if text]
+    return "".join(rows)
 
-    def notes(self) -> str:
-        run, found = self.run, []
-        reached, crossed, drag = (run.number(n) for n in ("reached_mm", "crossed_mm", "drag_steps"))
-        if run.differs:
-            found.append(f"not as on the map: {_html(plain_formula(run.differs))}")
-        if run.outcome not in ("", "done", OUTCOME_FLAGS[0]):
-            found.append(run.outcome + ("" if reached is None else f" at {_text(reached, 'mm')}"))
-        if message := str(run.columns.get("message", "")):
-            found.append(escape(message))
-        if crossed is not None:
-            found.append(f"its surface passes through itself from {_text(crossed, 'mm')} on")
-        if drag:
-            found.append(f"{drag:.0f} points of the curve needed raised damping")
-        if run.id and run.outcome != OUTCOME_FLAGS[0] and self.curve is None:
-            found.append("its curve is not here: the page was written without the folder of the runs")
-        if self.curve and self.curve["error"]:
-            found.append(f"lines stay within {_percent(self.curve['error'])} of the largest force or share")
-        return "; ".join(found)
 
-    def rows(self, quantities: Sequence[_Quantity]) -> str:
-        """The run's numbers as rows of a table."""
-        found, drawn = [_part("Where it is")], set()
-        known = {q.name: q for q in quantities}
-        for name, axis in self.axes.items():
-            cells, q = [_on_axis(axis, self.run.at[name])], known.get(name)
-            drawn.add(plain_symbol(axis.symbol) if q is None else q.parameter.symbol)
-            pair = q and q.values(self.physics)
-            if q and pair and q.symbol != q.parameter.symbol:
-                cells.append(q.said(pair[1]))
-            symbol = "" if axis.mechanism else plain_symbol(axis.symbol)
-            found.append(_row(_label(axis), symbol, cells, axis.long_name))
-        for q in quantities:
-            pair = q.values(self.physics)
-            if pair and q.parameter.symbol not in drawn:
-                own = q.symbol == q.parameter.symbol
-                title = q.parameter.doc if own else q.name.replace("_", " ")
-                cells = [_text(pair[0], q.unit), *([] if own else [q.said(pair[1])])]
-                found.append(_row(title, q.symbol, cells, q.parameter.doc))
-        if not self.run.outcome:
-            return "".join(found)
-        found.append(_part("What was found"))
-        for name, (unit, meaning) in NUMBERS.items():
-            value = self.run.number(name)
-            if value is not None and not (name in NOTED and value == 0):
-                found.append(_row(_title(name), "", [_text(value, unit)], meaning))
-        closure = math.nan if self.result is None else float(self.result.measures.get("closure", math.nan))
-        if math.isfinite(closure):
-            meaning = "what the energy balance does not account for, relative to the work of the blade"
-            found.append(_row("closure", "", [_percent(closure)], meaning))
-        if (reached := self.run.number("reached_mm")) is not None:
-            found.append(_row("reached", "", [_text(reached, "mm")], "blade travel reached"))
-        if self.run.id:
-            found.append(_row("run", "", [self.run.id], "its folder in the store"))
-        return "".join(found)
-
-    def spots(self) -> list[tuple[float, float, str]]:
-        """Onset and peak on the curve: travel (mm), force (N), name."""
-        if self.curve is None:
-            return []
-        d, force = np.array(self.curve["d"]), self.curve["scale"] * np.array(self.curve["force"])
-        down = len(self.curve["mean"])
-        found = ((self.run.number(f"{name}_mm"), name) for name in ("onset", "peak"))
-        return [
-            (at, float(f"{np.interp(at, d[:down], force[:down]):.4g}"), name)
-            for at, name in found
-            if at is not None and at <= d[-1]
-        ]
+def _spots(run: MapRun, curve: dict | None) -> list[tuple[float, float, str]]:
+    """Onset and peak on the curve: travel (mm), force (N), name."""
+    if curve is None:
+        return []
+    d, force, down = np.array(curve["d"]), curve["scale"] * np.array(curve["force"]), len(curve["mean"])
+    return [
+        (at, float(f"{np.interp(at, d[:down], force[:down]):.4g}"), name)
+        for at, name in ((_number(run, f"{name}_mm"), name) for name in ("onset", "peak"))
+        if at is not None and at <= d[-1]
+    ]
 
 
 @dataclass(frozen=True)
@@ -317,7 +248,7 @@ class _Quantity:
     unit: str
     parameter: Parameter
 
-    def values(self, physics: Physics | Case | None) -> tuple[float, float] | None:
+    def values(self, physics: Physics | Case | None) -> Pair:
         """The group and the parameter, in their units; None where a model has none."""
         if physics is None:
             return None
@@ -328,36 +259,37 @@ class _Quantity:
         own = physics.values[name] / physics.model.parameters()[name].factor
         return (group.value(physics.p) if group else own), own
 
-    def said(self, value: float) -> str:
-        """The parameter in an equation."""
-        return f"{_html(self.parameter.symbol)} = {_text(value, self.parameter.unit)}"
+    def said(self, pair: Pair) -> list[str]:
+        """The parameter in an equation; nothing where a model has none, or it is the quantity itself."""
+        symbol, unit = self.parameter.symbol, self.parameter.unit
+        return [f"{subscripted(symbol)} = {_text(pair[1], unit)}"] if pair and symbol != self.symbol else []
 
 
 def _physics_of(
-    data: xr.Dataset, runs: Sequence[_Run], results: Sequence[Result | None]
+    data: xr.Dataset, runs: Sequence[MapRun], results: Sequence[Result | None]
 ) -> list[Physics | Case | None]:
     """Laws and values of each run; None where a place stands for none that this cutbench knows."""
     try:
         by_place = physics_by_place(data)
     except BadInput:
         return [None] * len(runs)
-    found: list[Physics | Case | None] = []
+    physics: list[Physics | Case | None] = []
     for run, result in zip(runs, results, strict=True):
         try:
-            found.append(result.case if result else by_place(run.at) if not run.mark else None)
+            physics.append(result.case if result else by_place(run.at) if not run.mark else None)
         except BadInput:
-            found.append(None)
-    return found
+            physics.append(None)
+    return physics
 
 
 def _quantities(physics: Iterable[Physics | Case | None]) -> list[_Quantity]:
     """The groups of the runs' laws, and what they are made of and none sets, which makes values of them."""
     models = {p.model for p in physics if p is not None}
     known = {n: q for model in models for n, q in model.parameters().items()}
-    made = {n: g for model in models for n, g in model.settable_groups().items()}
-    scales = {n for g in made.values() for n in g.needs} - {g.parameter for g in made.values()}
-    found = [_Quantity(n, plain_symbol(g.symbol), g.unit, known[g.parameter]) for n, g in made.items()]
-    return found + [_Quantity(n, q.symbol, q.unit, q) for n, q in known.items() if n in scales]
+    groups = {n: g for model in models for n, g in model.settable_groups().items()}
+    scales = {n for g in groups.values() for n in g.needs} - {g.parameter for g in groups.values()}
+    settable = [_Quantity(n, plain_symbol(g.symbol), g.unit, known[g.parameter]) for n, g in groups.items()]
+    return settable + [_Quantity(n, q.symbol, q.unit, q) for n, q in known.items() if n in scales]
 
 
 # -- words and tables -------------------------------------------------------------------------------------
@@ -370,11 +302,6 @@ def _text(value: float | None, unit: str = "") -> str:
 
 def _percent(part: float) -> str:
     return f"{100 * part:.2g}\u00a0%".replace("1e+02", "100")
-
-
-def _html(symbol: str) -> str:
-    """Plain text with its subscripts: G_c/δ_c."""
-    return re.sub(r"_(\w+)", r"<sub>\1</sub>", escape(symbol))
 
 
 def _label(axis: Axis) -> str:
@@ -395,7 +322,7 @@ def _part(title: str) -> str:
 
 def _row(title: str, symbol: str, cells: Sequence[str], meaning: str) -> str:
     tail = "".join(f"<td>{cell}</td>" for cell in cells)
-    name = f"{escape(title)} {_html(symbol)}".strip()
+    name = f"{escape(title)} {subscripted(symbol)}".strip()
     return f'<tr title="{escape(meaning)}"><th scope="row">{name}</th>{tail}</tr>'
 
 
@@ -419,7 +346,11 @@ def _axis(axis: Axis, values: Any) -> dict:
     plotly draws it."""
     levels = np.unique([_short(v) for v in np.ravel(values) if np.isfinite(v)]).tolist()
     unit = "" if axis.unit == "1" else f" [{axis.unit.replace('^2', '²')}]"
-    title = axis.long_name if axis.mechanism else f"{axis.long_name} {_html(plain_symbol(axis.symbol))}{unit}"
+    title = (
+        axis.long_name
+        if axis.mechanism
+        else f"{axis.long_name} {subscripted(plain_symbol(axis.symbol))}{unit}"
+    )
     ticks = list(axis.values) if axis.mechanism else _ticks(axis)
     texts = [_on_axis(axis, v) if axis.mechanism else f"{v:g}" for v in ticks]
     layout = {"title": {"text": title}, "type": axis.scale, "showgrid": False, "zeroline": False}
@@ -438,31 +369,30 @@ def _ticks(axis: Axis) -> list[float]:
     low, high = axis.values[0], axis.values[-1]
     decades = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
     within = (1, 2, 5) if len(decades) < 4 else (1,)
-    found = [float(f"{m * 10.0**k:.6g}") for k in decades for m in within]
-    return [tick for tick in found if low / 1.3 <= tick <= high * 1.3]
+    round_numbers = [float(f"{m * 10.0**k:.6g}") for k in decades for m in within]
+    return [tick for tick in round_numbers if low / 1.3 <= tick <= high * 1.3]
 
 
-def _controls(found: dict) -> str:
+def _controls(drawn: dict) -> str:
     """Which axes are across and up, the shading, and a slider for each other axis."""
 
     def select(id: str, text: str, options: Mapping[Any, str]) -> str:
         inner = "".join(f'<option value="{value}">{escape(name)}</option>' for value, name in options.items())
         return f'<label>{text} <select id="{id}">{inner}</select></label>'
 
-    axes, parts = found["axes"], []
+    axes, plane = drawn["axes"], drawn["y"] >= 0
     labels = {k: axis["label"] for k, axis in enumerate(axes)}
-    if found["y"] >= 0:
-        parts += [select("x", "across", labels), select("y", "up", labels)]
-        if found["layers"]:
-            shades = {"drop": "force drop", "chance": "chance of abrupt", "none": "nothing"}
-            there = {n: text for n, text in shades.items() if n in found["layers"] or n == "none"}
-            parts.append(select("shade", "shading", there))
-    for k, axis in enumerate(axes):
-        parts.append(
+    shades = {"drop": "force drop", "chance": "chance of abrupt", "none": "nothing"}
+    shades = {name: text for name, text in shades.items() if name in drawn["layers"] or name == "none"}
+    return "".join([
+        *([select("x", "across", labels), select("y", "up", labels)] if plane else []),
+        *([select("shade", "shading", shades)] if plane and drawn["layers"] else []),
+        *(
             f'<label class="level" data-axis="{k}">{escape(axis["label"])} <output></output>'
             f'<input type="range" min="0" max="{len(axis["levels"]) - 1}" id="level-{axis["name"]}"></label>'
-        )
-    return "".join(parts)
+            for k, axis in enumerate(axes)
+        ),
+    ])  # fmt: skip
 
 
 def _marks(points: Sequence[dict]) -> str:
@@ -476,21 +406,18 @@ def _marks(points: Sequence[dict]) -> str:
     return f'<section id="marks"><h2>Materials</h2><ul>{"".join(lines)}</ul></section>' if lines else ""
 
 
-def _table(data: xr.Dataset) -> str:
+def _table(data: xr.Dataset) -> Table:
     """All runs, a row each."""
     axes = [axis_of(data, name) for name in axes_of(data)]
     numbers = [name for name in NUMBERS if name in data]
     heads = ["material", *(_label(axis) + _in(axis.unit) for axis in axes), "regime"]
     heads += [*(_title(name) + _in(NUMBERS[name][0]) for name in numbers), "reached [mm]", "end", "run"]
-    rows = []
-    for run in _runs(data):
-        if run.outcome:
-            cells = [run.mark, *(_on_axis(axis, run.at[axis.name]) for axis in axes), run.kind]
-            cells += [*(_text(run.number(name)) for name in numbers), _text(run.number("reached_mm"))]
-            cells += [run.outcome, run.id]
-            rows.append(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in cells)}</tr>")
-    head = "".join(f'<th scope="col">{escape(text)}</th>' for text in heads)
-    return f"<thead><tr>{head}</tr></thead><tbody>{''.join(rows)}</tbody>"
+    rows = [
+        [run.mark, *(_on_axis(axis, run.at[axis.name]) for axis in axes), _kind(run),
+         *(_text(_number(run, name)) for name in (*numbers, "reached_mm")), run.outcome, run.id]
+        for run in runs_of(data) if run.outcome
+    ]  # fmt: skip
+    return Table(heads, rows)
 
 
 def _in(unit: str) -> str:
@@ -521,10 +448,10 @@ def layers_of(data: xr.Dataset) -> dict[str, dict]:
             "drop": _layer(part, z=between(data, "drop_rel").isel(_pick(data))),
             "chance": _layer(part, over=_over(part["margin"]), p=xr.apply_ufunc(_chance, *part.values())),
         } | _classical(data)
-    found = {"drop": _layer(data, z=data["drop_rel"]), "line": _layer(data, over=_line(data))}
+    layers = {"drop": _layer(data, z=data["drop_rel"]), "line": _layer(data, over=_line(data))}
     if (chance := _estimated_chance(data)) is not None:
-        found["chance"] = chance
-    return found | _classical(data)
+        layers["chance"] = chance
+    return layers | _classical(data)
 
 
 def _line(data: xr.Dataset) -> xr.DataArray:
@@ -579,48 +506,35 @@ def _estimated_chance(data: xr.Dataset) -> dict | None:
         values = [refined(axes[n], fine if n in shown else 0) for n in names]
         if math.prod(map(len, values)) <= _MAX_POINTS or not fine:
             break
-    shape = tuple(map(len, values))
-    margin, sd = np.full(shape, math.nan), np.full(shape, math.nan)
+    both = np.full((2, *map(len, values)), math.nan)
     switches = [k for k, n in enumerate(names) if axes[n].mechanism]
-    for chosen in itertools.product(*(range(shape[k]) for k in switches)):
-        where: list[slice | int] = [slice(None)] * len(names)
-        for k, i in zip(switches, chosen, strict=True):
-            where[k] = i
-        here: Mapping[str, float] = {names[k]: values[k][i] for k, i in zip(switches, chosen, strict=True)}
-        try:
-            reader = MapReader(data, dict(here))
-        except BadInput:
-            continue
-        free = [n for n in names if n not in here]
-        at = [
-            dict(zip(free, place, strict=True))
-            for place in itertools.product(*(values[names.index(n)] for n in free))
-        ]
-        mean, spread = reader.margin(at)
-        part = margin[tuple(where)].shape
-        margin[tuple(where)], sd[tuple(where)] = mean.reshape(part), spread.reshape(part)
-    if not np.isfinite(margin).any():
+    for chosen in itertools.product(*(range(len(values[k])) for k in switches)):
+        level = dict(zip(switches, chosen, strict=True))
+        free = [k for k in range(len(names)) if k not in level]
+        places = itertools.product(*(values[k] for k in free))
+        at = [{names[k]: value for k, value in zip(free, place, strict=True)} for place in places]
+        where = (slice(None), *(level.get(k, slice(None)) for k in range(len(names))))
+        with suppress(BadInput):
+            reader = MapReader(data, {names[k]: values[k][i] for k, i in level.items()})
+            both[where] = np.reshape(reader.margin(at), both[where].shape)
+    if not np.isfinite(both[0]).any():
         return None
     short = [[float(f"{v:.5g}") for v in some] for some in values]
-    return {"values": short, "over": _whole(_over(margin)), "p": _whole(_chance(margin, sd))}
+    return {"values": short, "over": _whole(_over(both[0])), "p": _whole(_chance(*both))}
 
 
 def _classical(data: xr.Dataset) -> dict[str, dict]:
-    shown, values = (data.attrs["plot_x"], data.attrs["plot_y"]), []
+    shown, values = (data.attrs["plot_x"], data.attrs["plot_y"]), {}
     for name in axes_of(data):
         v, axis = data[name].values, axis_of(data, name)
         if name in shown and v.size > 1 and not axis.mechanism:
             v = (np.geomspace if axis.scale == "log" else np.linspace)(v[0], v[-1], _ESTIMATED_POINTS)
         elif v.size > LEVELS:
             v = v[np.rint(np.linspace(0, v.size - 1, LEVELS)).astype(int)]
-        values.append([float(f"{u:.5g}") for u in v])
-    margin = estimated_margin(data)
-    if math.prod(map(len, values)) > _MAX_POINTS:
-        return {}
-    z = np.array([margin(dict(zip(axes_of(data), at, strict=True))) for at in itertools.product(*values)])
-    known = z[np.isfinite(z)]
-    there = known.size and known.min() < 0 <= known.max()
-    return {"classical": {"values": values, "z": _whole(z)}} if there else {}
+        values[name] = [float(f"{u:.5g}") for u in v]
+    small = math.prod(map(len, values.values())) <= _MAX_POINTS
+    z = margin_on_grid(data, values) if small else None
+    return {} if z is None else {"classical": {"values": [*values.values()], "z": _whole(z)}}
 
 
 def refined(axis: Axis, count: int) -> list[float]:
@@ -650,7 +564,8 @@ def curve_of(result: Result, points: int = MAX_CURVE_POINTS) -> dict | None:
         return None
     down, window = forward(d), result.case.values.get("thickness", 0.7) / 2
     travel = d[:down]
-    shares = _shares(result, travel, window) if down > 1 else {}
+    shares, small = ledger_shares(result, window, travel) if down > 1 else ({}, {})
+    shares |= {OTHERS: np.sum([*small.values()], axis=0)} if small else {}
     mean = smooth_force(travel, cumulative_trapezoid(force[:down], travel, initial=0), window, travel)
     lines = np.zeros((d.size, 2 + len(shares)))
     lines[:, 0] = force
@@ -679,27 +594,8 @@ def curve_of(result: Result, points: int = MAX_CURVE_POINTS) -> dict | None:
 
 def titles_of(names: Sequence[str]) -> dict[str, str]:
     """How a page calls the entries of a ledger."""
-    known = NO_MECHANISM | {OTHERS: "others, each small", REST: "left by the energy balance"}
-    laws = registry()
-    return {n: known.get(n) or (laws[n].title if n in laws else n.replace("_", " ")) for n in names}
-
-
-def _shares(result: Result, travel: np.ndarray, window: float) -> dict[str, np.ndarray]:
-    """Mean force of each entry of the ledger (N) at each point of the travel."""
-    largest = float(np.max(np.abs(result.force_N)))
-    shares, small = {}, np.zeros(travel.size)
-    for name in result.ledger:
-        work = result.curve.get(f"work_{name}_mJ")
-        if work is None:
-            # An entry's force is that of the step which ends there: work adds up over steps.
-            steps = result.curve[f"force_{name}_N"][1 : travel.size]
-            work = np.concatenate([[0.0], np.cumsum(np.diff(travel) * steps)])
-        share = smooth_force(travel, np.asarray(work, dtype=float)[: travel.size], window, travel)
-        if np.max(np.abs(share)) < NEGLIGIBLE * largest:
-            small += share
-        else:
-            shares[name] = share
-    return shares | ({OTHERS: small} if np.any(small) else {})
+    known = {OTHERS: "others, each small", REST: "left by the energy balance"}
+    return {name: known.get(name) or title_of(name) for name in names}
 
 
 def thinned(x: np.ndarray, lines: np.ndarray, near: float, points: int) -> tuple[np.ndarray, float]:

@@ -37,7 +37,7 @@ from cutbench.base.figure_style import (
 from cutbench.maps.axes import BOUNDARY
 from cutbench.maps.boundary import NORMAL_QUANTILE
 from cutbench.maps.boundary_line import draw_line, draw_strips, strip_handles
-from cutbench.maps.closed_form_estimates import estimated_margin
+from cutbench.maps.closed_form_estimates import margin_on_grid
 from cutbench.maps.confirmed_points import FOLDER, RECORD, draw_confirmed, handles_of, read_confirmed
 from cutbench.maps.dataset import ESTIMATE, LABELS, NOT_COMPUTED, OUTCOME_FLAGS, axes_of, places_of
 from cutbench.maps.material_markers import draw_materials, label_materials, marks_of
@@ -287,19 +287,18 @@ def _band(ax: Axes, part: xr.Dataset, x: str, y: str) -> None:
 
 def _classical(ax: Axes, part: xr.Dataset, x: str, y: str) -> bool:
     """The boundary of the classical estimates; False where they have none."""
-    fixed = {name: float(part[name].values) for name in axes_of(part) if name not in (x, y)}
-    grids = [
-        (np.geomspace if is_log(part[n]) else np.linspace)(
+    values = {
+        n: (np.geomspace if is_log(part[n]) else np.linspace)(
             part[n].values[0], part[n].values[-1], _ESTIMATED_POINTS
         )
-        for n in (x, y)
-    ]
-    margin = estimated_margin(part)
-    found = np.array([[margin(fixed | {x: a, y: b}) for a in grids[0]] for b in grids[1]])
-    known = found[np.isfinite(found)]
-    if known.size == 0 or not known.min() < 0 <= known.max():
+        for n in (y, x)
+    }
+    fixed = {name: np.atleast_1d(part[name].values) for name in axes_of(part) if name not in values}
+    found = margin_on_grid(part, values | fixed)
+    if found is None:
         return False
-    *grids, found = finer(grids, [is_log(part[n]) for n in (x, y)], found)
+    grids = [values[x], values[y]]
+    *grids, found = finer(grids, [is_log(part[n]) for n in (x, y)], found.reshape(len(grids[1]), -1))
     ax.contour(
         *grids, np.ma.masked_invalid(found), levels=[0.0], colors="0.25", linewidths=0.9,
         linestyles=[_DASHES], zorder=2.8,

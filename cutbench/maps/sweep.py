@@ -20,7 +20,7 @@ import numpy as np
 import xarray as xr
 
 from cutbench.base.errors import BadInput, ComputationFailed
-from cutbench.base.files import folder_lock
+from cutbench.base.files import folder_lock, write_text
 from cutbench.base.notebook import watched
 from cutbench.base.progress import OnProgress, silent
 from cutbench.case.case import Case
@@ -28,12 +28,11 @@ from cutbench.maps.atlas_map import expected_drops, under_way
 from cutbench.maps.closed_form_estimates import compare
 from cutbench.maps.collapse import save_collapse
 from cutbench.maps.dataset import MapRow, build_map, path_from, row_of, save_map
-from cutbench.maps.findings import Findings, boundary_sentences, findings, save_findings
-from cutbench.maps.page import save_page
+from cutbench.maps.findings import FILE, Findings, boundary_sentences, findings, summary_text
+from cutbench.maps.page import page
 from cutbench.maps.phase import save_phase
 from cutbench.maps.sampling_plan import plan_of
 from cutbench.maps.study import Study, load_study
-from cutbench.maps.uncertainty import strip_sentences
 from cutbench.run.pool.pool import Done, Job, TaskPool
 from cutbench.run.pool.worker import PoolLost, Run, WorkerLost, failure, work
 from cutbench.run.result import Result
@@ -116,7 +115,7 @@ class Sweep:
             )
         found += self.findings.lines()
         if not self.interrupted:
-            found += [*boundary_sentences(self.map), *strip_sentences(self.map)]
+            found += boundary_sentences(self.map)
         return [*found, self.verdict] if self.verdict else found
 
 
@@ -372,8 +371,8 @@ class _Sweep:
                 words = compare(data).text(), save_collapse(data, self.out)[1]
                 self.verdict = " ".join(filter(None, words))
             if last or (drawn and self.pictures):
-                save_page(shown, self.store, self.out)
-            save_findings(data, self.out, [self.verdict] if self.verdict else [])
+                write_text(page(shown, self.store), self.out / "map.html")
+            write_text(summary_text(data, [*filter(None, [self.verdict])]), self.out / FILE)
         except OSError as error:
             if last:
                 raise

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 
 from cutbench.run.figures.curve import FORCE, draw_force
-from cutbench.run.files import write_run
+from cutbench.run.files import write_run as write
 from cutbench.run.result import Result, summary_lines
 
 __all__ = ["dataset", "plot", "summary_lines", "table", "write"]
@@ -36,8 +34,3 @@ def dataset(result: Result) -> xr.Dataset:
         known = unit in ("mm", "N", "s", "mJ")
         data[head if known else name] = ("step", values, {"units": unit if known else "1"})
     return data.set_coords(["displacement", "time"])
-
-
-def write(result: Result, folder: Path) -> None:
-    """What ``cutbench run2d --out`` writes."""
-    write_run(result, folder)

@@ -14,8 +14,9 @@ from pathlib import Path
 
 from cutbench.base.errors import BadInput
 from cutbench.base.files import replacing
+from cutbench.base.report import Table
 from cutbench.cli.progress import bar
-from cutbench.cli.show import show, table
+from cutbench.cli.terminal import show
 from cutbench.run.measures import MAX_JUMPS
 from cutbench.run.pool.batch import Batch
 from cutbench.run.store.runs import Store
@@ -79,7 +80,7 @@ def main() -> int:
         with replacing(asked.out / name) as path:
             path.write_text(text, encoding="utf-8")
     pictures(batch.results, asked.out)
-    show(table(HEADS, rows))
+    show(Table(HEADS, rows))
     doubtful = [run for run in runs if run["jumps_rel"] > MAX_JUMPS or abs(run["closure"]) > 0.01]
     for run in doubtful:
         print(

@@ -10,8 +10,9 @@ import argparse
 import sys
 
 from cutbench.base.errors import BadInput
+from cutbench.base.report import Table
 from cutbench.cli.progress import bar
-from cutbench.cli.show import show, table
+from cutbench.cli.terminal import show
 from studies.paper.investigation import investigate, select
 from studies.paper.judgement import BEYOND
 
@@ -28,7 +29,7 @@ def main() -> int:
     try:
         if asked.list:
             rows = [(c.id, c.text, ", ".join(c.asks) or c.beyond) for c in select(asked.only)]
-            show(table(("claim", "what was published", "runs"), rows))
+            show(Table(("claim", "what was published", "runs"), rows))
             return 0
         if asked.out is None:
             raise BadInput("--out", "(missing)", "a folder for the runs behind the claims")
@@ -47,7 +48,7 @@ def main() -> int:
             rows.append((one.claim.id, row.what, row.findings["paper"].published, *seen, row.verdict))
         if one.claim.beyond:
             rows.append((one.claim.id, one.claim.beyond, "", "", "", BEYOND))
-    show(table(("claim", "statement", "the paper", "paper's numerics", "converged", "verdict"), rows))
+    show(Table(("claim", "statement", "the paper", "paper's numerics", "converged", "verdict"), rows))
     print(f"{len(found.runner.results)} runs, {found.runner.computed} of them computed now")
     print(*found.paths, sep="\n")
     return 0

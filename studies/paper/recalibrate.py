@@ -21,11 +21,12 @@ from pathlib import Path
 from benchmarks.tools import here
 from cutbench.base.errors import CutbenchError
 from cutbench.base.files import write_json
+from cutbench.base.report import Table
 from cutbench.calibration.fitting import Fit, fit
 from cutbench.calibration.report import to_dict
 from cutbench.case.case import load_case
 from cutbench.cli.progress import bar
-from cutbench.cli.show import show, table
+from cutbench.cli.terminal import show
 from cutbench.data.campaign import Campaign, load_campaign
 
 HERE = Path(__file__).parents[1] / "published"
@@ -132,7 +133,7 @@ def main() -> int:
         print(f"studies.paper.recalibrate: {error}", file=sys.stderr)
         return getattr(error, "exit_code", 1)
     rows = [cells(row) for row in sorted(kept.values(), key=lambda row: MATERIALS.index(row["material"]))]
-    show(table(HEAD, rows))
+    show(Table(HEAD, rows))
     return 0
 
 

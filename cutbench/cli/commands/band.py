@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from cutbench.base.report import Table, number
 from cutbench.base.threads import leave_cores_to_workers
 from cutbench.cli.options import (
     Depth,
@@ -24,7 +25,7 @@ from cutbench.cli.options import (
     with_exit_status,
 )
 from cutbench.cli.progress import bar
-from cutbench.cli.show import PLAIN, show, table
+from cutbench.cli.terminal import show
 
 if TYPE_CHECKING:
     from cutbench.run.band import Band
@@ -69,7 +70,7 @@ def band(
         raise typer.Exit(1)
 
 
-def _table(found: Band):
+def _table(found: Band) -> Table:
     """A row a run, and the range of each measure below."""
     from cutbench.run.measures import MEASURES
 
@@ -78,17 +79,11 @@ def _table(found: Band):
     rows = [
         [
             name,
-            *(_cell(result.measures.get(key)) for key in keys),
+            *(number(result.measures.get(key), ".3g") for key in keys),
             found.labels.get(name, result.outcome.kind),
         ]
         for name, result in found.results.items()
     ]
-    made = table(["", *heads, ""], rows, right=set(heads), title=found.case.name, **PLAIN)
-    made.add_section()
     ranges = [f"{found.ranges[key].low:.3g} to {found.ranges[key].high:.3g}" for key in keys]
-    made.add_row("range", *ranges, found.label)
-    return made
-
-
-def _cell(value: float | None) -> str:
-    return "-" if value is None or value != value else f"{value:.3g}"
+    rows += [[], ["range", *ranges, found.label]]
+    return Table(["", *heads, ""], rows, found.case.name, right=heads)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from cutbench.base.report import Table
 from cutbench.base.threads import leave_cores_to_workers
 from cutbench.cli.options import (
     Depth,
@@ -26,7 +27,7 @@ from cutbench.cli.options import (
     with_exit_status,
     write_result,
 )
-from cutbench.cli.show import loudness, show, table
+from cutbench.cli.terminal import loudness, show
 
 if TYPE_CHECKING:
     from cutbench.case.case import Case
@@ -113,7 +114,7 @@ def confirm(
         for point in done
     ]  # fmt: skip
     title = "section / section with the block's numerics / block"
-    show(table(("point", "label", *pairs.values(), "verdict"), rows, title=title))
+    show(Table(("point", "label", *pairs.values(), "verdict"), rows, title))
     for point in done:
         ends = f"onset {point.ratio['onset_mm']:.3g}, peak {point.ratio['peak_N']:.3g}"
         typer.echo(f"{point.name}: what the ends do, block over section of equal numerics: {ends}")

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from cutbench.cli.options import with_exit_status
-from cutbench.cli.show import show
+from cutbench.cli.terminal import show
 
 
 @with_exit_status
@@ -20,7 +20,7 @@ def data(
     ] = None,
 ) -> None:
     """Read a campaign and show what it holds, with the spread over repetitions."""
-    from cutbench.cli.campaign_table import data_table, write_data
+    from cutbench.cli.tables import averages, data_table
     from cutbench.data.campaign import load_campaign
 
     loaded = load_campaign(campaign)
@@ -29,11 +29,11 @@ def data(
         typer.echo(f"note: {note}")
     typer.echo(f"baseline: {loaded.model.described}")
     if out is not None:
-        from cutbench.base.files import check_writable
+        from cutbench.base.files import check_writable, csv_text, write_text
         from cutbench.data.figure import plot_data
         from cutbench.run.figures import save
 
         folder = check_writable(out)
-        typer.echo(write_data(loaded, folder / "data.csv"))
+        typer.echo(write_text(csv_text(*averages(loaded)), folder / "data.csv"))
         for path in save(plot_data(loaded), folder / "data.png"):
             typer.echo(path)

@@ -22,7 +22,7 @@ from cutbench.cli.options import (
     with_exit_status,
 )
 from cutbench.cli.progress import bar
-from cutbench.cli.show import show
+from cutbench.cli.terminal import show
 
 
 def _named(columns: str | None) -> dict[str, str | int] | None:
@@ -81,10 +81,13 @@ def dic(
 ) -> None:
     """Compute a section up to measured displacement fields: relative errors, strains, pictures."""
     from cutbench.base.errors import BadInput
+    from cutbench.base.files import csv_text, write_json, write_text
     from cutbench.base.units import parse_quantity
-    from cutbench.cli.field_table import field_table, write_comparisons
+    from cutbench.cli.tables import field_points, field_table
     from cutbench.data.field_comparison import at_travel, compare
     from cutbench.data.fields import CONFIGURATIONS, read_fields
+    from cutbench.data.figure import plot_dic
+    from cutbench.run.figures import save
     from cutbench.run.runner import run_case
 
     parts = [in_mm(part.strip()) for part in shift.split(",")]
@@ -114,8 +117,11 @@ def dic(
     computed = [(f, at_travel(result.snapshots, f.travel_mm)) for f in measured]
     found = [compare(f, s) for f, s in computed if s is not None]
     show(field_table(found, case.name))
-    for path in write_comparisons(found, case.name, folder):
-        typer.echo(path)
+    numbers = [{"travel_mm": c.measured.travel_mm, **c.numbers()} for c in found]
+    typer.echo(write_text(csv_text(*field_points(found)), folder / "dic.csv"))
+    typer.echo(write_json({"fields": numbers}, folder / "dic.json"))
+    for c in found:
+        typer.echo(save(plot_dic(c, case.name), folder / f"dic_{c.measured.travel_mm:.3f}mm.png")[0])
     if not result.outcome.done:
         typer.echo(str(result.outcome))
         exit_by_outcome(result.outcome)

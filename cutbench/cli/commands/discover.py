@@ -3,24 +3,12 @@ gains."""
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from cutbench.cli.options import (
-    CampaignFile,
-    Limit,
-    Refine,
-    Workers,
-    locked_folder,
-    print_written,
-    seconds,
-    whole_number,
-    with_exit_status,
-)
-from cutbench.cli.progress import bar
+from cutbench.cli.options import CampaignFile, Limit, Refine, Workers, search_campaign, with_exit_status
 
 
 @with_exit_status
@@ -34,25 +22,10 @@ def discover(
     limit: Limit = None,
 ) -> None:
     """Fit the baseline, show where it fails, name the mechanism that explains it and what it gains."""
-    from cutbench.data.campaign import load_campaign
-
-    loaded = load_campaign(campaign)
-    count, limit_s = whole_number("workers", workers), seconds("--limit", limit, math.inf)
-    folder = locked_folder(out)
-
     from cutbench.calibration.fitting import INTERRUPTED
-    from cutbench.discovery import discover as run
-    from cutbench.discovery.page import write_discovery
-    from cutbench.discovery.report import summary
+    from cutbench.discovery import report, search
 
-    with bar("discover") as on_progress:
-        store = folder / "runs"
-        found = run(
-            loaded, workers=count, refine=refine, on_progress=on_progress, store=store, limit_s=limit_s
-        )  # fmt: skip
-    paths = write_discovery(found, folder)
-    typer.echo(summary(found))
-    print_written(paths)
+    found = search_campaign(search.discover, report, campaign, out, workers, limit, refine=refine)
     if found.stopped == INTERRUPTED:
         raise typer.Exit(130)
     if found.verdict == "undecided":

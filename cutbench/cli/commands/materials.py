@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from cutbench.cli.options import with_exit_status
-from cutbench.cli.show import show
+from cutbench.cli.terminal import show
 
 
 @with_exit_status
@@ -29,7 +29,7 @@ def materials(
         return
     from cutbench.cli.tables import material, material_table
 
-    show(material_table() if name is None else material(name))
+    show(*(material_table() if name is None else material(name)))
 
 
 def _begin(name: str, file: str | None) -> None:

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from cutbench.cli.options import print_written, with_exit_status
-from cutbench.cli.show import show
+from cutbench.cli.terminal import show
 
 
 @with_exit_status
@@ -36,7 +36,7 @@ def mechanisms(
         print_written(save(plot_law(name or ""), out or Path(f"{name}.png")))
         return
     if check is None:
-        show(mechanism_table() if name is None else mechanism(name))
+        show(*(mechanism_table() if name is None else mechanism(name)))
         return
     from cutbench.base.errors import BadInput
     from cutbench.mechanisms.checks import check_file

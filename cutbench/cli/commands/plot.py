@@ -10,12 +10,8 @@ import typer
 from cutbench.cli.options import with_exit_status
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from cutbench.base.figure_style import Size
-
-#: What can be drawn.
-_SOURCE = "a folder with run.json or map.nc in it, or a map.nc"
+    from cutbench.maps.map import Map
+    from cutbench.run.result import Result
 
 
 @with_exit_status
@@ -41,7 +37,10 @@ def plot(
     ] = None,
 ) -> None:
     """Draw the pictures of a run or a map again, a map also as a page; or several runs in one picture."""
-    from cutbench.base.errors import BadInput
+    from cutbench.maps.map import Map
+    from cutbench.run.figures import plot_curve, save
+    from cutbench.run.figures.solid import save_solid
+    from cutbench.run.paraview import read_fields
 
     if len(sources) > 1:
         out = out or Path("curves.png")
@@ -49,49 +48,60 @@ def plot(
         typer.echo(_picture(sources, out, size))
         return
     (source,) = sources
-    grid = source / "map.nc" if source.is_dir() else source
-    if source.is_dir() and (source / "run.json").is_file():
-        from cutbench.run.figures import plot_curve, save
-        from cutbench.run.files import read_run
-        from cutbench.run.paraview import read_fields
-
-        result = read_run(source)
-        paths = save(plot_curve(result), source / "curve.png")
-        if result.case.dim == 3:
-            from cutbench.run.figures.solid import save_solid
-
-            result.snapshots = read_fields(source)
-            paths += save_solid(result, source).values()
-    elif grid.is_file():
-        from cutbench.maps.atlas_map import under_way
-        from cutbench.maps.closed_form_estimates import compare
-        from cutbench.maps.collapse import save_collapse
-        from cutbench.maps.dataset import load_map, store_of
-        from cutbench.maps.findings import boundary_sentences, findings, save_findings
-        from cutbench.maps.page import save_page
-        from cutbench.maps.phase import save_phase
-        from cutbench.run.store.runs import Store
-
-        data = load_map(grid)
-        if (data["outcome"].values[data["run_id"].values != ""] == 0).any():
-            data = under_way(data, None)
-        runs = store_of(data, grid.parent)
-        more, line = save_collapse(data, grid.parent)
-        said = [compare(data).text(), *([line] if line else [])]
-        page = save_page(data, Store(runs) if runs.is_dir() else None, grid.parent)
-        paths = [*save_phase(data, grid.parent), *more, page]
-        paths.append(save_findings(data, grid.parent, said))
-        for note in (*findings(data).lines(), *boundary_sentences(data), *said):
-            typer.echo(note)
-        if against is not None:
-            from cutbench.maps.grid_agreement import agreement
-
-            other = against / "map.nc" if against.is_dir() else against
-            typer.echo(agreement(data, load_map(other)).text())
+    opened, folder = _opened(source), source if source.is_dir() else source.parent
+    if not isinstance(opened, Map):
+        paths = [save(plot_curve(opened), folder / "curve.png")[0]]
+        if opened.case.dim == 3:
+            opened.snapshots = read_fields(folder)
+            paths += save_solid(opened, folder).values()
     else:
-        raise BadInput("DIR|MAP.nc", str(source), _SOURCE)
+        paths = _map_again(opened, against)
     for path in paths:
         typer.echo(path)
+
+
+def _opened(source: Path) -> Result | Map:
+    """The run or the map that lies there. Raises BadInput for anything else."""
+    from cutbench.base.errors import BadInput
+    from cutbench.maps.map import Map
+    from cutbench.run.files import read_run
+
+    if source.is_dir() and (source / "run.json").is_file():
+        return read_run(source)
+    if (source / "map.nc" if source.is_dir() else source).is_file():
+        return Map.of(source)
+    raise BadInput("DIR|MAP.nc", str(source), "a folder with run.json or map.nc in it, or a map.nc")
+
+
+def _map_again(map: Map, against: Path | None) -> list[Path]:
+    """Draw the files of a map, and say what it has found."""
+    from cutbench.base.files import write_text
+    from cutbench.maps.atlas_map import under_way
+    from cutbench.maps.closed_form_estimates import compare
+    from cutbench.maps.collapse import save_collapse
+    from cutbench.maps.dataset import store_of
+    from cutbench.maps.findings import FILE, boundary_sentences, findings, summary_text
+    from cutbench.maps.grid_agreement import agreement
+    from cutbench.maps.page import page
+    from cutbench.maps.phase import save_phase
+    from cutbench.run.store.runs import Store
+
+    data, folder = map.data, map.folder
+    if (data["outcome"].values[data["run_id"].values != ""] == 0).any():
+        data = under_way(data, None)
+    runs = store_of(data, folder)
+    more, line = save_collapse(data, folder)
+    said = [compare(data).text(), *([line] if line else [])]
+    for note in (*findings(data).lines(), *boundary_sentences(data), *said):
+        typer.echo(note)
+    if against is not None:
+        typer.echo(agreement(data, map.of(against).data).text())
+    texts = {
+        "map.html": page(data, Store(runs) if runs.is_dir() else None),
+        FILE: summary_text(data, said),
+    }
+    written = [write_text(text, folder / name) for name, text in texts.items()]
+    return [*save_phase(data, folder), *more, *written]
 
 
 def _picture(sources: list[Path], out: Path | None, name: str | None) -> Path:
@@ -99,6 +109,11 @@ def _picture(sources: list[Path], out: Path | None, name: str | None) -> Path:
     from cutbench.base.errors import BadInput
     from cutbench.base.figure_style import SIZES, save
     from cutbench.base.toml import among
+    from cutbench.maps.confirmed_points import FOLDER, RECORD, read_confirmed
+    from cutbench.maps.map import Map
+    from cutbench.maps.phase import draw_phase
+    from cutbench.run.figures import plot_curve, plot_curves
+    from cutbench.run.files import read_run
 
     if out is None or out.suffix not in (".png", ".svg", ".pdf") or not out.parent.is_dir():
         expected = "a file ending in .png, .svg or .pdf, in a folder that is there"
@@ -106,36 +121,15 @@ def _picture(sources: list[Path], out: Path | None, name: str | None) -> Path:
     if name is not None:
         among("--size", name, SIZES)
     size = None if name is None else SIZES[name]
-    source = sources[0]
-    grid = source / "map.nc" if source.is_dir() else source
     if len(sources) > 1:
-        figure = _together(sources, size)
-    elif (source / "run.json").is_file():
-        from cutbench.run.figures import plot_curve
-        from cutbench.run.files import read_run
-
-        figure = plot_curve(read_run(source), size)
-    elif grid.is_file():
-        from cutbench.maps.confirmed_points import FOLDER, RECORD, read_confirmed
-        from cutbench.maps.dataset import load_map
-        from cutbench.maps.phase import draw_phase
-
-        data = load_map(grid)
-        figure = draw_phase(data, read_confirmed(grid.parent / FOLDER / RECORD, data), size)
+        runs = [read_run(source) for source in sources]
+        names = [run.case.name for run in runs]
+        if len(set(names)) < len(names):
+            names = [f"{name} ({source.name})" for name, source in zip(names, sources, strict=True)]
+        figure = plot_curves(dict(zip(names, runs, strict=True)), size)
+    elif isinstance(opened := _opened(sources[0]), Map):
+        marks = read_confirmed(opened.folder / FOLDER / RECORD, opened.data)
+        figure = draw_phase(opened.data, marks, size)
     else:
-        raise BadInput("DIR|MAP.nc", str(source), _SOURCE)
+        figure = plot_curve(opened, size)
     return save(figure, out, size=size)[0]
-
-
-def _together(sources: list[Path], size: Size | None) -> Figure:
-    """The forces of several runs in one picture."""
-    from cutbench.run.figures import plot_curves
-    from cutbench.run.files import read_run
-
-    runs = {source: read_run(source) for source in sources}
-    names = [run.case.name for run in runs.values()]
-    alike = len(set(names)) < len(names)
-    shown = {
-        f"{run.case.name} ({source.name})" if alike else run.case.name: run for source, run in runs.items()
-    }
-    return plot_curves(shown, size)

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from cutbench.base.report import Table, number
 from cutbench.cli.options import RunRequest, finish, run_options, run_with_progress, with_exit_status
 from cutbench.cli.progress import bar
-from cutbench.cli.show import show, table
+from cutbench.cli.terminal import show
 
 if TYPE_CHECKING:
     from cutbench.run.result import Result
@@ -47,8 +48,8 @@ def run2d(
 
 def _follow(result: Result, folder: Path) -> None:
     """Trace the path of ``result``'s case and say what it shows; leaves with 130 if it was interrupted."""
-    from cutbench.base.figure_style import save
     from cutbench.base.files import write_json
+    from cutbench.run.figures import save
     from cutbench.run.files import write_curve
     from cutbench.run.snap_back import INTERRUPTED, trace_snap_back
     from cutbench.run.snap_back_report import describe_followed, plot_followed, sentence
@@ -67,12 +68,12 @@ def _follow(result: Result, folder: Path) -> None:
         raise typer.Exit(130)
 
 
-def _limit(record: dict):
+def _limit(record: dict) -> Table:
     """The rows of follow.json's limit as a table."""
     columns = {"drop_rel": ".3f", "onset_mm": ".3f", "peak_N": ".4g", "peak_mm": ".3f"}
-    rows = []
-    for row in record["limit"]:
-        cells = ["-" if row[key] != row[key] else format(row[key], form) for key, form in columns.items()]
-        rows.append((str(row["what"]), *cells))
+    rows = [
+        (str(row["what"]), *(number(row[key], form) for key, form in columns.items()))
+        for row in record["limit"]
+    ]
     heads = ("", "drop", "onset (mm)", "peak (N)", "at (mm)")
-    return table(heads, rows, title="less and less viscosity", title_justify="center")
+    return Table(heads, rows, "less and less viscosity")

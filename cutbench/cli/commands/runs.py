@@ -7,8 +7,9 @@ from typing import Annotated
 
 import typer
 
+from cutbench.base.report import Table
 from cutbench.cli.options import with_exit_status
-from cutbench.cli.show import show, table
+from cutbench.cli.terminal import show
 
 
 @with_exit_status
@@ -71,10 +72,7 @@ def runs(
             ["" if v is None or v != v else f"{v:.4g}" if isinstance(v, float) else str(v) for v in row]
             for row in rows
         ]
-        shown = table(names, texts, box=None, pad_edge=False)
-        for column in shown.columns:
-            column.no_wrap = str(column.header) == "id"
-        show(shown)
+        show(Table(names, texts, whole=("id",)))
     typer.echo(f"{len(ids)} of {len(heads)} runs")
     for writer, count in listing.other_computations(heads[id] for id in ids).items():
         typer.echo(f"{count} of {len(ids)} are by {writer}: sweeps compute these anew", err=True)

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from cutbench.base.report import Table, number
 from cutbench.cli.options import (
     Element,
     Out,
@@ -22,7 +23,7 @@ from cutbench.cli.options import (
     with_exit_status,
 )
 from cutbench.cli.progress import bar
-from cutbench.cli.show import show, table
+from cutbench.cli.terminal import show
 
 
 @with_exit_status
@@ -63,10 +64,9 @@ def tension(
     with bar(case.name, "mm") as on_progress:
         test = run_tension(case, length, on_progress=on_progress)
     save_tension(test, folder)
-    values = {key: "-" if value != value else f"{value:.4g}" for key, value in test.measures.items()}
-    rows = [(key, values[key], unit, meaning) for key, (unit, meaning) in MEASURES.items()]
+    rows = [(key, number(test.measures[key], ".4g"), *about) for key, about in MEASURES.items()]
     said = f"{case.name}{f', notch {length:g} mm' if length else ', whole'}"
-    show(table(("number", "value", "unit", "meaning"), rows, title=said))
+    show(Table(("number", "value", "unit", "meaning"), rows, said))
     typer.echo(str(test.outcome))
     typer.echo(f"written to {folder}")
     exit_by_outcome(test.outcome)

@@ -90,7 +90,8 @@ class Yielding(Bulk):
         if at.held:
             return _branch.Branch(F, metric, None)
         modulus = p.G * np.where(np.real(p.g_Y) > 0, p.g_Y, 1e-12)
-        s = _flow(*self._invariants(F, state), np.sqrt(2 / 3) * p.sigma_Y / modulus)
+        I1, I2 = self._invariants(F, state)
+        s = _flow(I1, I2, np.sqrt(2 / 3) * p.sigma_Y / modulus)
         return _branch.Branch(F, metric, s)
 
     def stress(self, F, p, state, at):

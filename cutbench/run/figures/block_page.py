@@ -8,18 +8,15 @@ numbers.
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Sequence
 from html import escape
-from importlib import resources
-from pathlib import Path
 
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.colors import Colormap, to_hex
 
 from cutbench.base.figure_style import FIELD_MAP
-from cutbench.base.files import replacing
+from cutbench.base.report import filled, packaged_text
 from cutbench.run.figures.block_picture import BLADE_GREY, DAMAGE_MAP, SEEN_DAMAGE, BlockScene, solid
 from cutbench.run.figures.cut_open import BLADE_SHOWN, CutOpen, cut_open
 from cutbench.run.figures.section import spread
@@ -29,6 +26,8 @@ from cutbench.run.result import Result, Snapshot
 #: What the numbers of a page take at the most, and one node of one travel does, in bytes: of a large block
 #: fewer travels are shown.
 _MOST_BYTES, _NODE_BYTES = 8_000_000, 32
+#: Where the parts of a page lie.
+_PLACE = "cutbench.run.figures"
 #: Colours of a table.
 _COLOURS = 41
 #: Ambient and diffuse light; distance of the eye and size of the block in plotly's own unit; how far the
@@ -36,24 +35,20 @@ _COLOURS = 41
 _LIGHT, _EYE, _ZOOM, _LIFT, _ROOM = [0.9, 0.35], 1.6, 1.7, 0.004, 0.02
 
 
-def save_block_page(result: Result, folder: str | Path) -> Path:
-    """Write ``solid.html`` into ``folder``. Raises ValueError without a snapshot of a solid."""
+def block_page(result: Result) -> str:
+    """The whole page as HTML. Raises ValueError without a snapshot of a solid."""
     found = block_contents(result)
     parts = {
-        "__TITLE__": escape(result.case.name),
-        "__LAST__": str(len(found["steps"]) - 1),
-        "__HALF__": f"{found['top'] / 2:.3g}",
-        "__TOP__": f"{found['top']:.3g}",
-        "__BLADE__": found["bladeColour"],
-        "__DATA__": json.dumps(found, separators=(",", ":")),
-        "__PLOTLY__": _web("plotly/plotly-gl3d.min.js"),
-        "__SCRIPT__": _web("solid.js"),
+        "TITLE": escape(result.case.name),
+        "LAST": str(len(found["steps"]) - 1),
+        "HALF": f"{found['top'] / 2:.3g}",
+        "TOP": f"{found['top']:.3g}",
+        "BLADE": found["bladeColour"],
+        "DATA": json.dumps(found, separators=(",", ":")),
+        "PLOTLY": packaged_text(_PLACE, "web/plotly/plotly-gl3d.min.js"),
+        "SCRIPT": packaged_text(_PLACE, "web/solid.js"),
     }
-    text = re.sub("|".join(parts), lambda match: parts[match[0]], _web("solid.html"))
-    target = Path(folder) / "solid.html"
-    with replacing(target) as draft:
-        draft.write_text(text, encoding="utf-8")
-    return target
+    return filled(_PLACE, "web/solid.html", parts)
 
 
 def block_contents(result: Result) -> dict:
@@ -125,10 +120,3 @@ def _step(s: Snapshot, block: CutOpen, mesh: int) -> dict:
 
 def _table(colours: Colormap) -> list[str]:
     return [to_hex(colour) for colour in colours(np.linspace(0, 1, _COLOURS))]
-
-
-def _web(name: str) -> str:
-    """A part of the page as the package has it."""
-    return (
-        resources.files("cutbench.run.figures").joinpath("web", *name.split("/")).read_text(encoding="utf-8")
-    )

@@ -212,9 +212,13 @@ def _split(axes, result: Result, window_mm: float) -> None:
     if len(travel) < 2:
         return
     at = np.linspace(travel[0], travel[-1], 800)
-    shares = _shares(result, window_mm, at)
+    shares, small = ledger_shares(result, window_mm, at)
+    drawn = [(title_of(name), _look(name), share) for name, share in shares.items()]
+    if small:
+        label = title_of(*small) if len(small) == 1 else f"{len(small)} others, each < {100 * NEGLIGIBLE:g} %"
+        drawn.append((label, _look(""), np.sum([*small.values()], axis=0)))
     up, down = np.zeros(at.size), np.zeros(at.size)
-    for label, look, share in shares:
+    for label, look, share in drawn:
         gain, loss = np.maximum(share, 0), np.minimum(share, 0)
         axes.fill_between(at, up, up + gain, label=label, **look)
         axes.fill_between(at, down, down + loss, **look)
@@ -227,29 +231,24 @@ def _split(axes, result: Result, window_mm: float) -> None:
     axes.set_title(f"mean over {window_mm:.2g} mm of travel{until}", loc="left", fontsize=7.5, color=GREY)
 
 
-def _shares(result: Result, window_mm: float, at: np.ndarray) -> list[tuple[str, dict, np.ndarray]]:
-    """Label, look and smoothed force (N), in the ledger's order, small ones drawn together at the end."""
-    down = forward(result.displacement_mm)
-    travel = result.displacement_mm[:down]
-    largest = float(np.max(np.abs(result.force_N)))
-    shares = []
-    others, rest = [], np.zeros(at.size)
+def ledger_shares(
+    result: Result, window_mm: float, at: np.ndarray
+) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+    """Smoothed force (N) of each entry of the ledger at travels ``at``, in its order; those that are small
+    throughout apart."""
+    travel, shares = result.displacement_mm[: forward(result.displacement_mm)], {}
     for name in result.ledger:
         work = result.curve.get(f"work_{name}_mJ")
         if work is None:
-            work = cumulative_trapezoid(result.curve[f"force_{name}_N"][:down], travel, initial=0)
-        share = smooth_force(travel, np.asarray(work, dtype=float)[:down], window_mm, at)
-        if not np.any(share):
-            continue
-        if np.max(np.abs(share)) < NEGLIGIBLE * largest:
-            others.append(_label(name))
-            rest += share
-        else:
-            shares.append((_label(name), _look(name), share))
-    if others:
-        label = others[0] if len(others) == 1 else f"{len(others)} others, each < {100 * NEGLIGIBLE:g} %"
-        shares.append((label, _look(""), rest))
-    return shares
+            # An entry's force is that of the step which ends there: work adds up over steps.
+            steps = result.curve[f"force_{name}_N"][1 : travel.size]
+            work = np.concatenate([[0.0], np.cumsum(np.diff(travel) * steps)])
+        share = smooth_force(travel, np.asarray(work, dtype=float)[: travel.size], window_mm, at)
+        if np.any(share):
+            shares[name] = share
+    least = NEGLIGIBLE * float(np.max(np.abs(result.force_N)))
+    small = {name: share for name, share in shares.items() if np.max(np.abs(share)) < least}
+    return {name: share for name, share in shares.items() if name not in small}, small
 
 
 #: Colour and pattern of entries that no mechanism stands for; "": what is left.
@@ -269,7 +268,8 @@ def _look(name: str) -> Look:
     return {"facecolor": colour, "hatch": pattern * 4, "edgecolor": "white", "lw": 0.0}
 
 
-def _label(name: str) -> str:
+def title_of(name: str) -> str:
+    """How pictures and pages call an entry of the ledger."""
     if name in NO_MECHANISM:
         return NO_MECHANISM[name]
     mechanism = registry().get(name)

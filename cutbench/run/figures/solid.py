@@ -26,7 +26,8 @@ from cutbench.base.figure_style import (
     save,
     style,
 )
-from cutbench.run.figures.block_page import save_block_page
+from cutbench.base.files import write_text
+from cutbench.run.figures.block_page import block_page
 from cutbench.run.figures.block_picture import plot_solid, solid
 from cutbench.run.figures.cut_open import FRONT_DAMAGE, columns_of, skin_of, whole_columns
 from cutbench.run.figures.section import spread
@@ -51,7 +52,7 @@ def save_solid(result: Result, folder: str | Path, plane: Result | None = None) 
         if _cut_snapshots(result):
             draw["front"] = plot_front
         figures = {name: plot(result) for name, plot in draw.items()}
-        paths["solid_html"] = save_block_page(result, folder)
+        paths["solid_html"] = write_text(block_page(result), Path(folder) / "solid.html")
     if plane is not None:
         figures["plane_strain"] = plot_beside(result, plane)
     return paths | {f"{name}_png": save(each, folder / f"{name}.png")[0] for name, each in figures.items()}
