@@ -26,8 +26,7 @@ import xarray as xr
 from cutbench.base.errors import BadInput
 from cutbench.case.case import Case
 from cutbench.case.physics import Physics
-from cutbench.maps.dataset import LABELS, places_of
-from cutbench.maps.map_cases import physics_by_place
+from cutbench.maps.dataset import LABELS, physics_by_place, places_of
 from cutbench.run.measures import ABRUPT, CLAMP, SMOOTH
 
 #: Part of the travel that counts as steady: the default of ``cutbench.run.measures.measures``.

@@ -21,8 +21,7 @@ from matplotlib.lines import Line2D
 from cutbench.base.errors import BadInput
 from cutbench.base.figure_style import COLOURS, DOUBLE_MM, Look, new_figure, save, style
 from cutbench.case.model import groups
-from cutbench.maps.dataset import places_of
-from cutbench.maps.map_cases import physics_by_place
+from cutbench.maps.dataset import physics_by_place, places_of
 from cutbench.maps.plot_coordinates import plain_log, symbol, unit_of
 from cutbench.maps.regimes import HELD, KIND, KIND_WORDS, KINDS, SNAP, SNAP_SPEED, STABLE, VISCOSITY
 

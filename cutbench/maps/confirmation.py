@@ -26,9 +26,9 @@ from cutbench.base.files import write_json
 from cutbench.case.case import Case
 from cutbench.case.numerics import Numerics, defaults
 from cutbench.maps import dataset as maps
-from cutbench.maps.confirmed_points import ANOTHER, CONFIRMED, NUMERICS, RECORD, UNFINISHED
+from cutbench.maps.dataset import case_on
 from cutbench.maps.guidance import margins_of
-from cutbench.maps.map_cases import case_on
+from cutbench.maps.markers import ANOTHER, CONFIRMED, NUMERICS, RECORD, UNFINISHED
 from cutbench.run.block_cost import cost_sentence, expected_seconds
 from cutbench.run.files import read_run
 from cutbench.run.measures import ABRUPT, SMOOTH, UNDECIDED

@@ -30,8 +30,17 @@ from cutbench.maps.boundary import (
     margins_by_atlas,
     spread_of,
 )
-from cutbench.maps.dataset import LABELS, MapRow, axes_of, axis_of, places_of, regime_of, row_of
-from cutbench.maps.map_cases import case_on, physics_by_place
+from cutbench.maps.dataset import (
+    LABELS,
+    MapRow,
+    axes_of,
+    axis_of,
+    case_on,
+    physics_by_place,
+    places_of,
+    regime_of,
+    row_of,
+)
 from cutbench.maps.uncertainty import MODEL, NUMERICS, log_ratio, total_change, uncertainty_strips, undecided
 from cutbench.run.measures import ABRUPT, ABRUPT_DROP, SMOOTH, UNCUT, UNDECIDED
 from cutbench.run.result import Result

@@ -31,7 +31,6 @@ from cutbench.base.units import Parameter
 from cutbench.case.case import Case
 from cutbench.case.physics import Physics
 from cutbench.maps.axes import Axis
-from cutbench.maps.boundary_line import shown_strips
 from cutbench.maps.closed_form_estimates import estimated_margin
 from cutbench.maps.dataset import (
     ESTIMATE,
@@ -41,10 +40,12 @@ from cutbench.maps.dataset import (
     OUTCOME_FLAGS,
     axes_of,
     axis_of,
+    computed_by,
+    physics_by_place,
     places_of,
 )
 from cutbench.maps.guidance import MapReader
-from cutbench.maps.map_cases import computed_by, physics_by_place
+from cutbench.maps.phase import shown_strips
 from cutbench.maps.plot_coordinates import DROP_COLOURS, SMALLEST_IN_LOG, between, drop_text
 from cutbench.mechanisms import registry
 from cutbench.run.figures.curve import NEGLIGIBLE, NO_MECHANISM, look_of, smooth_force

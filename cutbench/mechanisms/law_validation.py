@@ -11,8 +11,19 @@ import numpy as np
 
 from cutbench.base.errors import BadInput
 from cutbench.base.units import Parameter
-from cutbench.mechanisms.base import Blade, Bulk, Cut, Mechanism, Points, Rig, Skin, Support, cut_answers
-from cutbench.mechanisms.specimen_and_protocol import PROTOCOL, SPECIMEN
+from cutbench.mechanisms.base import (
+    PROTOCOL,
+    SPECIMEN,
+    Blade,
+    Bulk,
+    Cut,
+    Mechanism,
+    Points,
+    Rig,
+    Skin,
+    Support,
+    cut_answers,
+)
 
 #: The base of each slot and the methods that a law of it must have.
 BASES: dict[str, tuple[type[Mechanism], tuple[str, ...]]] = {

@@ -21,7 +21,7 @@ from cutbench.case.numerics import defaults
 from cutbench.models3d.strip import strip
 from cutbench.run.build import Built, build
 from cutbench.run.measures import ONSET, first_crossing
-from cutbench.run.outcome import Outcome
+from cutbench.run.result import Outcome
 from cutbench.solver.march import Load, Stalled
 from cutbench.solver.problem import Evaluation, Problem
 

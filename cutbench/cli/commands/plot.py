@@ -116,8 +116,8 @@ def _picture(sources: list[Path], out: Path | None, name: str | None) -> Path:
 
         figure = plot_curve(read_run(source), size)
     elif grid.is_file():
-        from cutbench.maps.confirmed_points import FOLDER, RECORD, read_confirmed
         from cutbench.maps.dataset import load_map
+        from cutbench.maps.markers import FOLDER, RECORD, read_confirmed
         from cutbench.maps.phase import draw_phase
 
         data = load_map(grid)

@@ -29,8 +29,7 @@ from cutbench.base.files import number, plain
 from cutbench.base.versions import written_by
 from cutbench.case.case import Case
 from cutbench.case.computation import own_sources
-from cutbench.run.outcome import Outcome
-from cutbench.run.result import Result
+from cutbench.run.result import Outcome, Result
 
 #: Layout of run.json; raised when a reader of the old one would misread the new one.
 SCHEMA = 1

@@ -1,4 +1,4 @@
-"""What all pages of one server share: its folder, its jobs, and the part of a page that watches a job."""
+"""Parts that all pages of one server share: its folder and jobs, choices, uploads, and what watches a job."""
 
 from __future__ import annotations
 
