@@ -141,14 +141,14 @@ def material_handles(marks: Sequence[Mapping], top: float) -> list[Line2D]:
     if not marks:
         return []
     runs = any(mark["own"] for mark in marks)
-    found = [Line2D([], [], label="material, own run" if runs else "material", **_MATERIAL)]
+    handles = [Line2D([], [], label="material, own run" if runs else "material", **_MATERIAL)]
     for mark in marks:
         if (own := mark["own"]) and own.differs:
             fill = {"mfc": DROP_COLOURS(own.drop_rel / top)} if own.done else {}
             said = f": {own.label}" if own.done else ""
             label = f"{mark['name']} ({set_subscripts(own.differs)}){said}"
-            found.append(Line2D([], [], label=label, **(_MATERIAL | fill)))
-    return found
+            handles.append(Line2D([], [], label=label, **(_MATERIAL | fill)))
+    return handles
 
 
 #: Name of the record, and of the folder beside a map in which it is looked for.

@@ -20,6 +20,7 @@ import xarray as xr
 from matplotlib import patheffects
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
@@ -70,22 +71,16 @@ from cutbench.maps.plot_coordinates import (
 from cutbench.maps.uncertainty import MODEL, NUMERICS, total_change, uncertainty_strips
 from cutbench.run.measures import ABRUPT, SMOOTH, UNCUT, UNDECIDED
 
+MISSING = "to come"
 _MARKERS: dict[str, Look] = {
     ABRUPT: {"marker": "o", "mfc": "black", "mec": "white", "ms": 4.2, "mew": 0.6, "label": "abrupt"},
     SMOOTH: {"marker": "o", "mfc": "white", "mec": "black", "ms": 3.8, "mew": 0.7, "label": "smooth"},
     UNDECIDED: {"marker": "o", "mfc": "0.6", "mec": "black", "ms": 4.0, "mew": 0.7, "label": "undecided"},
     UNCUT: {"marker": "s", "mfc": "white", "mec": "black", "ms": 3.8, "mew": 0.7, "label": "not cut"},
     NOT_COMPUTED: {"marker": "x", "mec": "0.35", "ms": 4, "mew": 0.9, "label": "not computed"},
+    MISSING: {"marker": ".", "mec": "0.55", "mfc": "0.55", "ms": 3.5, "mew": 0.0, "label": MISSING},
 }
-#: Of a line in the legend of a slide.
-_LETTERS = 20
-#: Points along each axis at which the classical estimates are drawn.
-_ESTIMATED_POINTS = 13
-#: Where runs without a drop are marked, in heights of the axes.
-ABOVE = 1.03
 _DASHES = (0, (4, 1.5, 1, 1.5))
-MISSING = "to come"
-_MARKERS[MISSING] = {"marker": ".", "mec": "0.55", "mfc": "0.55", "ms": 3.5, "mew": 0.0, "label": MISSING}
 
 
 def draw_phase(data: xr.Dataset, confirmed: Sequence[Mapping] = (), size: Size | None = None) -> Figure:
@@ -112,14 +107,9 @@ def draw_phase(data: xr.Dataset, confirmed: Sequence[Mapping] = (), size: Size |
                 ax.set_visible(False)
                 continue
             part = data.isel({panel: k}) if panel else data
-            if y:
-                image = _cells(ax, part, x, y, top)
-                bridged |= draw_line(ax, part, x, y)
-                draw_strips(ax, part, x, y)
-                _band(ax, part, x, y)
-                classical |= _classical(ax, part, x, y)
-            else:
-                _profile(ax, part, x)
+            image, dashed = _draw_measures(ax, part, x, y, top)
+            bridged |= dashed
+            classical |= bool(y) and _classical(ax, part, x, y)
             seen |= _points(ax, slab(whole, data, panel, k) if panel else part, x, y)
             draw_materials(ax, [m for m in marks if m["panel"] == k], x, y, part, top)
             solid |= draw_confirmed(ax, confirmed, part, x, y, (panel, k, data[panel or x]))
@@ -130,7 +120,9 @@ def draw_phase(data: xr.Dataset, confirmed: Sequence[Mapping] = (), size: Size |
             bar.ax.axhline(data.attrs["drop_threshold"], color="black", lw=1.4)
             bar.outline.set_linewidth(0.6)
         extra = [*material_handles(marks, top), *confirmed_handles(solid)]
-        extra += _panel_key(data, panel, panels) if short else []
+        if short and not data[panel].attrs.get("mechanism"):
+            # What the numbers over short panels are.
+            extra.append(Line2D([], [], ls="", label=f"a, b, …: {symbol(data[panel])}"))
         _legend(figure, data, seen, bool(y), bridged, classical, extra, size)
         note = "; ".join([*fixed, *([f"outside the map: {', '.join(outside)}"] if outside else [])])
         drawn = axis_text(data[y]) if y else "relative force drop"
@@ -158,40 +150,16 @@ def draw_plane(ax: Axes, data: xr.Dataset) -> None:
     part = one.isel({panel: 0}) if panel else one
     if panel:
         fixed.append(f"at {symbol(one[panel])} = {float(one[panel].values[0]):.3g}{unit_of(one[panel])}")
-    if y:
-        _cells(ax, part, x, y, _top(whole))
-        draw_line(ax, part, x, y)
-        draw_strips(ax, part, x, y)
-        _band(ax, part, x, y)
-    else:
-        _profile(ax, part, x)
+    _draw_measures(ax, part, x, y, _top(whole))
     _points(ax, slab(whole, one, panel, 0) if panel else part, x, y)
     ax.set(xlabel=axis_text(data[x]), ylabel=axis_text(data[y]) if y else "relative force drop")
     ax.set_title("; ".join(fixed), loc="left")
 
 
 def save_phase(data: xr.Dataset, folder: str | Path, record: Path | None = None) -> list[Path]:
-    """Draw the phase diagram of a map into ``phase.png`` and ``phase.svg``.
-
-    Parameters
-    ----------
-    data : xarray.Dataset
-        The map.
-    folder : str or Path
-        Where to.
-    record : Path, optional
-        Points that were confirmed in three dimensions; confirm/confirm.json in ``folder`` unless given.
-
-    Returns
-    -------
-    list of Path
-        The pictures.
-
-    Raises
-    ------
-    BadInput
-        If ``record`` is no such record.
-    """
+    """Draw the phase diagram of a map into ``phase.png`` and ``phase.svg``; with points that were confirmed
+    in three dimensions, as ``record`` has them, confirm/confirm.json in ``folder`` unless it is named.
+    Raises BadInput."""
     record = record or Path(folder) / FOLDER / RECORD
     figure = draw_phase(data, read_confirmed(record, data))
     return save(figure, Path(folder) / "phase.png", also=("svg",))
@@ -199,10 +167,10 @@ def save_phase(data: xr.Dataset, folder: str | Path, record: Path | None = None)
 
 def _reduce(data: xr.Dataset) -> tuple[xr.Dataset, list[str]]:
     """Fix the axes that a plane picture cannot show at their middle value, and say so."""
-    shown = {data.attrs[f"plot_{name}"] for name in ("x", "y", "panel")}
+    drawn = {data.attrs[f"plot_{name}"] for name in ("x", "y", "panel")}
     texts = []
     for dim in list(data["label"].dims):
-        if dim not in shown:
+        if dim not in drawn:
             value = data[dim].values[data.sizes[dim] // 2]
             texts.append(f"at {symbol(data[dim])} = {value:.3g}{unit_of(data[dim])}")
             data = data.isel({dim: data.sizes[dim] // 2})
@@ -223,7 +191,7 @@ def _panels(panels: int, size: Size | None) -> tuple[Figure, np.ndarray]:
 
 
 def _title(ax: Axes, data: xr.Dataset, panel: str, level: int, *, lettered: bool, short: bool) -> None:
-    """Letter and level of a panel; ``short``: the level's number alone, whose name ``panel_key`` says."""
+    """Letter and level of a panel; ``short``: the level's number alone, whose name the legend says."""
     letter = chr(ord("a") + level) if lettered else ""
     value = data[panel].values[level] if panel else math.nan
     if panel and (mechanism := data[panel].attrs.get("mechanism")):
@@ -238,13 +206,6 @@ def _title(ax: Axes, data: xr.Dataset, panel: str, level: int, *, lettered: bool
         return
     ax.set_title(letter, loc="left", fontweight="bold")
     ax.set_title(text, fontsize=8.5)
-
-
-def _panel_key(data: xr.Dataset, panel: str, count: int) -> list[Line2D]:
-    """What the numbers over short panels are, for the legend."""
-    if not panel or count == 1 or data[panel].attrs.get("mechanism"):
-        return []
-    return [Line2D([], [], ls="", label=f"a, b, …: {symbol(data[panel])}")]
 
 
 def _label(figure: Figure, axes: np.ndarray, panels: int, x: str, y: str, note: str, *, short: bool) -> None:
@@ -271,7 +232,7 @@ def _top(data: xr.Dataset) -> float:
     return min(1.0, max(math.ceil(10 * largest - 1e-9) / 10, 2 * data.attrs["drop_threshold"]))
 
 
-def _cells(ax: Axes, part: xr.Dataset, x: str, y: str, top: float):
+def _cells(ax: Axes, part: xr.Dataset, x: str, y: str, top: float) -> ScalarMappable:
     for name, which in ((x, "x"), (y, "y")):
         set_scale(ax, which, part[name])
     drop = part["drop_between" if "drop_between" in part else "drop_rel"].transpose(y, x).values
@@ -300,30 +261,36 @@ def _band(ax: Axes, part: xr.Dataset, x: str, y: str) -> None:
 def _classical(ax: Axes, part: xr.Dataset, x: str, y: str) -> bool:
     """The boundary of the classical estimates; False where they have none."""
     fixed = {name: float(part[name].values) for name in axes_of(part) if name not in (x, y)}
+    ends, logs = [part[n].values[[0, -1]] for n in (x, y)], [is_log(part[n]) for n in (x, y)]
     grids = [
-        (np.geomspace if is_log(part[n]) else np.linspace)(
-            part[n].values[0], part[n].values[-1], _ESTIMATED_POINTS
-        )
-        for n in (x, y)
+        (np.geomspace if log else np.linspace)(e[0], e[1], 13) for e, log in zip(ends, logs, strict=True)
     ]
     margin = estimated_margin(part)
-    found = np.array([[margin(fixed | {x: a, y: b}) for a in grids[0]] for b in grids[1]])
-    known = found[np.isfinite(found)]
-    if known.size == 0 or not known.min() < 0 <= known.max():
+    margins = np.array([[margin(fixed | {x: a, y: b}) for a in grids[0]] for b in grids[1]])
+    if not np.nanmin(margins, initial=np.inf) < 0 <= np.nanmax(margins, initial=-np.inf):
         return False
-    *grids, found = finer(grids, [is_log(part[n]) for n in (x, y)], found)
+    *grids, margins = finer(grids, logs, margins)
     ax.contour(
-        *grids, np.ma.masked_invalid(found), levels=[0.0], colors="0.25", linewidths=0.9,
+        *grids, np.ma.masked_invalid(margins), levels=[0.0], colors="0.25", linewidths=0.9,
         linestyles=[_DASHES], zorder=2.8,
     )  # fmt: skip
     return True
 
 
-def _profile(ax: Axes, part: xr.Dataset, x: str) -> None:
-    """A map of one axis: the drop itself, with the threshold as a line."""
+def _draw_measures(
+    ax: Axes, part: xr.Dataset, x: str, y: str, top: float
+) -> tuple[ScalarMappable | None, bool]:
+    """The drop as cells, with line, strips and what is unsure; over one axis as a curve, with the threshold
+    as a line. Returns the cells' colours, and whether the line bridges gaps."""
+    if y:
+        image, bridged = _cells(ax, part, x, y, top), draw_line(ax, part, x, y)
+        draw_strips(ax, part, x, y)
+        _band(ax, part, x, y)
+        return image, bridged
     ax.plot(part[x].values, part["drop_rel"].values, "-", color="0.3", lw=1.0)
     ax.axhline(part.attrs["drop_threshold"], color="black", lw=1.2, ls="--")
     drops_over(ax, part[x])
+    return None, False
 
 
 def _points(ax: Axes, part: xr.Dataset, x: str, y: str) -> set[str]:
@@ -342,7 +309,7 @@ def _points(ax: Axes, part: xr.Dataset, x: str, y: str) -> set[str]:
         ys = part[y].values[hits[:, -2]] if y else part["drop_rel"].values[hits[:, 0]]
         kwargs = {key: value for key, value in _MARKERS[name].items() if key != "label"}
         if not y and name in (UNCUT, NOT_COMPUTED, MISSING):  # above the axes, where no drop is read
-            ys, kwargs["transform"] = np.full(len(hits), ABOVE), ax.get_xaxis_transform()
+            ys, kwargs["transform"] = np.full(len(hits), 1.03), ax.get_xaxis_transform()
         ax.plot(part[x].values[hits[:, -1]], ys, ls="", zorder=4, clip_on=False, **kwargs)
     return seen
 
@@ -397,10 +364,8 @@ def _legend(
     handles += extra
     if size is not None and size.height_mm is not None:  # a slide has little height for one column
         for handle in handles:
-            text = str(handle.get_label())
-            handle.set_label(
-                text if "$" in text else fill(text.replace(" %", "\N{NO-BREAK SPACE}%"), _LETTERS)
-            )
+            if "$" not in (text := str(handle.get_label())):
+                handle.set_label(fill(text.replace(" %", "\N{NO-BREAK SPACE}%"), 20))  # letters a line
     legend_in_rows(figure, handles, "outside upper center", data.attrs[ESTIMATE])
 
 
@@ -427,20 +392,19 @@ def _field(part: xr.Dataset, x: str, y: str) -> tuple[list[np.ndarray], np.ndarr
         z = _fill(z)
     # The outer cells reach beyond their points: hold the value there, so that the line meets the frame.
     z = np.pad(z, 1, mode="edge")
-    grids, logs = [], [is_log(part[n]) for n in (x, y)]
-    for name, log in zip((x, y), logs, strict=True):
-        e = edges(part[name].values, log)
-        grids.append(np.concatenate([e[:1], part[name].values, e[-1:]]))
+    ticks, logs = [part[n].values for n in (x, y)], [is_log(part[n]) for n in (x, y)]
+    ends = [edges(t, log)[[0, -1]] for t, log in zip(ticks, logs, strict=True)]
+    grids = [np.concatenate([e[:1], t, e[1:]]) for e, t in zip(ends, ticks, strict=True)]
     *grids, z = finer(grids, logs, z)
     return grids, z, whole
 
 
 def draw_line(ax: Axes, part: xr.Dataset, x: str, y: str) -> bool:
     """The line on which the measures pass the threshold; dashed, and True, where it bridges gaps."""
-    found = _field(part, x, y)
-    if found is None or not np.nanmin(found[1]) < 0 <= np.nanmax(found[1]):
+    field = _field(part, x, y)
+    if field is None or not np.nanmin(field[1]) < 0 <= np.nanmax(field[1]):
         return False
-    grids, z, whole = found
+    grids, z, whole = field
     lines = ax.contour(
         *grids, np.ma.masked_invalid(z), levels=[0.0], colors="black",
         linewidths=1.5 if whole else 1.2, linestyles="solid" if whole else "dashed", zorder=3,
@@ -456,10 +420,10 @@ def draw_strips(ax: Axes, part: xr.Dataset, x: str, y: str) -> None:
     Between runs far from the line its estimate falls back to what it expects of any point: there the drop
     that lies between the runs says how far it is, where both are on one side.
     """
-    found = _field(part, x, y)
-    if found is None:
+    field = _field(part, x, y)
+    if field is None:
         return
-    grids, z, _ = found
+    grids, z, _ = field
     if "drop_between" in part and (runs := _field(part.assign(drop_rel=part["drop_between"]), x, y)):
         farther = (np.sign(runs[1]) == np.sign(z)) & (np.abs(runs[1]) > np.abs(z))
         z = np.where(farther, runs[1], z)
@@ -474,22 +438,21 @@ def draw_strips(ax: Axes, part: xr.Dataset, x: str, y: str) -> None:
 def shown_strips(data: xr.Dataset) -> list[dict]:
     """What pictures show, the widest first: ``cause``, ``text``, and ``low`` and ``high``: what the
     logarithm of measure over threshold may change by, of the model together with the numerics."""
-    strips = uncertainty_strips(data)
-    found = []
+    strips, widest_first = uncertainty_strips(data), []
     for cause, (_, text) in _STRIPS.items():
         if cause in strips:
             low, high = total_change(strip for name, strip in strips.items() if cause in (name, MODEL))
-            found.append({"cause": cause, "text": text, "low": low, "high": high})
-    return found
+            widest_first.append({"cause": cause, "text": text, "low": low, "high": high})
+    return widest_first
 
 
 def strip_handles(data: xr.Dataset) -> list[Patch]:
     """What the legend says of the strips that there are."""
-    found, grey = [], 0.45
+    handles, grey = [], 0.45
     for strip in shown_strips(data):  # each lies on the one before
         grey += (1 - grey) * _STRIPS[strip["cause"]][0]
-        found.append(Patch(facecolor=str(round(grey, 3)), edgecolor="0.4", lw=0.5, label=strip["text"]))
-    return found
+        handles.append(Patch(facecolor=str(round(grey, 3)), edgecolor="0.4", lw=0.5, label=strip["text"]))
+    return handles
 
 
 def _fill(z: np.ndarray) -> np.ndarray:

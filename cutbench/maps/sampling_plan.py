@@ -12,20 +12,17 @@ from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 
-import numpy as np
-
 from cutbench.base.errors import BadInput
 from cutbench.case.case import Case, load_case
 from cutbench.case.model_alternatives import alternative_cases
 from cutbench.case.motion import TRANSITION
 from cutbench.maps.atlas_map import expected_margins
 from cutbench.maps.axes import BOUNDARY
-from cutbench.maps.boundary import BoundaryEstimate, BoundarySearch, Index, margin
+from cutbench.maps.boundary import BoundaryEstimate, BoundarySearch, Index, levels_of
 from cutbench.maps.dataset import MapRow, row_of
 from cutbench.maps.regimes import quasi_static_case
 from cutbench.maps.study import Study
 from cutbench.maps.uncertainty import RepeatedRuns, log_ratio, nearest_to_boundary
-from cutbench.run.measures import UNCUT
 from cutbench.run.pool.pool import cores
 from cutbench.run.runner import run_case
 from cutbench.run.store.runs import Store
@@ -67,18 +64,18 @@ class SamplingPlan:
         wanted = self.study.doubtful
         if self.checks.refined or self.checks.alternatives or not (wanted.runs or wanted.bands):
             return []
-        r = {
-            index: log_ratio(margin_of(rows[id], self.study)) for index, id in self.ids.items() if id in rows
-        }
+        margins = {i: rows[id].margin(self.study.regime) for i, id in self.ids.items() if id in rows}
+        r = {index: log_ratio(each) for index, each in margins.items() if not math.isnan(each)}
         names = [axis.name for axis in self.study.axes]
         panel = names.index(self.study.plot.panel) if self.study.plot.panel in names else None
-        near = nearest_to_boundary({index: each for index, each in r.items() if not math.isnan(each)}, panel)
-        most = max(wanted.runs, wanted.bands)
-        at = {self.ids[index]: [axis.values[i] for axis, i in zip(self.study.axes, index, strict=True)]
-              for index in near}  # fmt: skip
-        chosen = list(at)[:most]  # two places may be one run
-        cases = {id: self.study.case_at(at[id]) for id in chosen}
+        places = {self.ids[index]: index for index in nearest_to_boundary(r, panel)}  # two may be one run
+        chosen = list(places)[: max(wanted.runs, wanted.bands)]
+        cases = {id: self.study.case_at(self.values_at(places[id])) for id in chosen}
         return self.checks.ask(cases, chosen, wanted.runs, wanted.bands)
+
+    def values_at(self, index: Index) -> list[float]:
+        """The values of the axes at a place of a grid."""
+        return [axis.values[i] for axis, i in zip(self.study.axes, index, strict=True)]
 
     def ask(self, rows: Mapping[str, MapRow]) -> list[Case]:
         """The next cases, in order; none when the study is done. ``rows`` are all that have ended."""
@@ -110,9 +107,10 @@ class SamplingPlan:
 
 @dataclass
 class _Level:
-    """One combination of levels: its indices by axis, and the search over the other axes."""
+    """One combination of levels: its indices, where it lies in the map, and its search."""
 
-    fixed: dict[int, int]
+    chosen: Index
+    where: tuple[slice | int, ...]
     search: BoundarySearch
     places: dict[Index, Index] = field(default_factory=dict)  # in the box -> in the map
     done: bool = False
@@ -123,16 +121,14 @@ class BoundaryPlan(SamplingPlan):
 
     def __init__(self, study: Study):
         super().__init__(study)
-        if study.search is None:
-            raise ValueError("a study without a search has no boundary plan")
-        self._free = [k for k, axis in enumerate(study.axes) if axis.continuous]
-        levels = [k for k in range(len(study.axes)) if k not in self._free]
-        shape = tuple(study.shape[k] for k in self._free)
+        assert study.search is not None, "a study that seeks a boundary says how"
+        shape = tuple(len(axis.values) for axis in study.axes if axis.continuous)
         expected = expected_margins(study)
         self.informed = bool(expected)
         self._levels = [
             _Level(
-                dict(zip(levels, chosen, strict=True)),
+                chosen,
+                where,
                 BoundarySearch(
                     shape,
                     start=study.search.start,
@@ -141,7 +137,7 @@ class BoundaryPlan(SamplingPlan):
                     expected=expected.get(chosen),
                 ),
             )
-            for chosen in itertools.product(*(range(study.shape[k]) for k in levels))
+            for chosen, where in levels_of(study.axes)
         ]
 
     @property
@@ -168,19 +164,18 @@ class BoundaryPlan(SamplingPlan):
 
     def _next(self, level: _Level, rows: Mapping[str, MapRow]) -> list[Index]:
         """The next round of one search; none while runs of the last are under way, and when it is done."""
-        known = self._known(level, rows)
-        if level.done or len(known) < len(level.places):
+        margins = self._margins(level, rows)
+        if level.done or len(margins) < len(level.places):
             return []
-        asked = level.search.ask(known)
+        asked = level.search.ask(margins)
         level.done = not asked
         return asked
 
     def _case(self, level: _Level, inner: Index) -> list[Case]:
-        place = dict(zip(self._free, inner, strict=True)) | level.fixed
-        index = level.places[inner] = tuple(place[k] for k in range(len(place)))
-        values = [axis.values[i] for axis, i in zip(self.study.axes, index, strict=True)]
+        along = iter(inner)
+        index = level.places[inner] = tuple(k if isinstance(k, int) else next(along) for k in level.where)
         try:
-            case = self.study.case_at(values)
+            case = self.study.case_at(self.values_at(index))
         except BadInput as error:  # a place in the middle that the corners did not foretell
             self.ids[index] = f"none-{'-'.join(map(str, index))}"
             self.impossible[self.ids[index]] = MapRow("failed", str(error))
@@ -189,33 +184,17 @@ class BoundaryPlan(SamplingPlan):
         return [case]
 
     def estimates(self, rows: Mapping[str, MapRow]) -> dict[Index, BoundaryEstimate]:
-        return {
-            tuple(level.fixed.values()): level.search.estimate(self._known(level, rows))
-            for level in self._levels
-        }
+        return {level.chosen: level.search.estimate(self._margins(level, rows)) for level in self._levels}
 
-    def _known(self, level: _Level, rows: Mapping[str, MapRow]) -> dict[Index, float]:
+    def _margins(self, level: _Level, rows: Mapping[str, MapRow]) -> dict[Index, float]:
+        ended = {**self.impossible, **rows}
         ids = {inner: self.ids[index] for inner, index in level.places.items()}
-        outcomes = {inner: rows.get(id) or self.impossible.get(id) for inner, id in ids.items()}
-        return {inner: margin_of(row, self.study) for inner, row in outcomes.items() if row is not None}
+        return {inner: ended[id].margin(self.study.regime) for inner, id in ids.items() if id in ended}
 
 
 def plan_of(study: Study) -> SamplingPlan:
     """The plan of a study's mode."""
     return BoundaryPlan(study) if study.mode == BOUNDARY else SamplingPlan(study)
-
-
-def margin_of(row: MapRow, study: Study) -> float:
-    """A run's margin against the study's thresholds; nan if it did not end well."""
-    if row.outcome != "done":
-        return math.nan
-    regime = study.regime
-    surge_min = math.nan if regime.surge_min is None else regime.surge_min
-    result = margin(
-        np.array(row.measures["drop_rel"]), np.array(row.measures["surge"]), np.array(row.label == UNCUT),
-        drop=regime.drop, surge_min=surge_min,
-    )  # fmt: skip
-    return float(result)
 
 
 #: Where no such run is in the store: what a blade thickness of travel takes at default numerics in times of a

@@ -36,7 +36,6 @@ from cutbench.maps.study import Study, load_study
 from cutbench.maps.uncertainty import strip_sentences
 from cutbench.run.pool.pool import Done, Job, TaskPool
 from cutbench.run.pool.worker import PoolLost, Run, WorkerLost, failure, work
-from cutbench.run.result import Result
 from cutbench.run.store.runs import Store
 
 #: Part of the time that may go into writing the map while runs are computed, and how long it is at least, s,
@@ -57,27 +56,10 @@ class Status:
 
 @dataclass(frozen=True)
 class Sweep:
-    """A sweep is what running a study has left: its map, its folder, and whether it is whole.
+    """A sweep is what running a study has left: its ``map`` as in ``map.nc``, its folder ``out``, and how it
+    ended.
 
-    Attributes
-    ----------
-    map : xarray.Dataset
-        As in ``map.nc``.
-    out : Path
-        The folder of the sweep.
-    status : Status
-        How many runs were asked for, have ended, fell short, and were in the store before.
-    interrupted : bool
-        Whether it was stopped before its end.
-    verdict : str
-        What a search for the boundary came to; empty where there was none.
-    seconds : float, s
-        Wall time.
-    workers : int
-        How many computed.
-    busy : float
-        Part of the workers' time that was spent in runs.
-    """
+    ``verdict`` is what a search for the boundary came to, empty where there was none."""
 
     map: xr.Dataset
     out: Path
@@ -99,25 +81,20 @@ class Sweep:
         return findings(self.map)
 
     def words(self) -> list[str]:
-        """Say what there is to say of the map.
-
-        Returns
-        -------
-        list of str
-            Its findings, the boundary that was sought, the classical estimates; a line each.
-        """
-        found = []
+        """What there is to say of the map: its findings, the boundary that was sought, the classical
+        estimates; a line each."""
+        lines = []
         here = self.status.finished - self.status.reused
         if here and self.busy:
             processes = "a worker" if self.workers == 1 else f"{self.workers} workers"
-            found.append(
+            lines.append(
                 f"{60 * here / self.seconds:.3g} runs a minute; {100 * self.busy:.0f} % of the time of"
                 f" {processes} was spent in them"
             )
-        found += self.findings.lines()
+        lines += self.findings.lines()
         if not self.interrupted:
-            found += [*boundary_sentences(self.map), *strip_sentences(self.map)]
-        return [*found, self.verdict] if self.verdict else found
+            lines += [*boundary_sentences(self.map), *strip_sentences(self.map)]
+        return [*lines, self.verdict] if self.verdict else lines
 
 
 @watched("runs")
@@ -316,7 +293,10 @@ class _Sweep:
             new = {id: case for id, case in asked.items() if id not in self.cases}
             self.cases |= new
             for id in new:
-                result = self.store.get(id) or self._taken_over(id)
+                result = self.store.get(id)
+                elsewhere = (other.get(id) for other in self.others)
+                if result is None and (result := next(filter(None, elsewhere), None)):
+                    self.store.put(result)
                 if result is not None and not (self.replace and not result.outcome.done):
                     self.rows[id] = row_of(result, self.study.regime)
                     self.reused += 1
@@ -324,13 +304,6 @@ class _Sweep:
                     self.todo.append(id)
             self._report()
         return True
-
-    def _taken_over(self, id: str) -> Result | None:
-        """A run out of another store, which is then in this one."""
-        result = next((found for other in self.others if (found := other.get(id)) is not None), None)
-        if result is not None:
-            self.store.put(result)
-        return result
 
     def ended(self, id: str) -> None:
         """Take a run that is in the store into the map."""
@@ -365,14 +338,14 @@ class _Sweep:
         try:
             save_map(data, self.out)
             self.written = len(self.rows)
-            shown = data if last else under_way(data, self.drops)
+            drawn_map = data if last else under_way(data, self.drops)
             if drawn and self.pictures:
-                save_phase(shown, self.out)
+                save_phase(drawn_map, self.out)
             if last and self.pictures:
                 words = compare(data).text(), save_collapse(data, self.out)[1]
                 self.verdict = " ".join(filter(None, words))
             if last or (drawn and self.pictures):
-                save_page(shown, self.store, self.out)
+                save_page(drawn_map, self.store, self.out)
             save_findings(data, self.out, [self.verdict] if self.verdict else [])
         except OSError as error:
             if last:
@@ -387,6 +360,6 @@ class _Sweep:
 
     def _report(self) -> None:
         status = self._status()
-        notes = [f"{status.reused} from the store"] if status.reused else []
-        notes += [f"{status.failed} failed"] if status.failed else []
-        self.on_progress(status.finished, status.total, ", ".join(notes))
+        notes = (status.reused, "from the store"), (status.failed, "failed")
+        text = ", ".join(f"{count} {what}" for count, what in notes if count)
+        self.on_progress(status.finished, status.total, text)

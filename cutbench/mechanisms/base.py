@@ -233,12 +233,12 @@ class Cut(Mechanism):
 
 def cut_answers(laws: Sequence[Cut], jump: np.ndarray, p: Params, state: State, at: Points) -> list[Answer]:
     """What the cut laws of a model, by rank, answer, each with ``at.before``; ``state`` is of all."""
-    found: list[Answer] = []
+    answers: list[Answer] = []
     for law in laws:
-        seen = {other.role: answer for other, answer in zip(laws, found, strict=False)}
+        seen = {other.role: answer for other, answer in zip(laws, answers, strict=False)}
         traction, new = law.traction(jump, p, state, Points(**{**vars(at), "before": seen}))
-        found.append(Answer(traction, new, state))
-    return found
+        answers.append(Answer(traction, new, state))
+    return answers
 
 
 class Blade(Mechanism):

@@ -109,23 +109,7 @@ class ConvergenceRow:
 
 
 def load_plan(path: str | Path) -> ConvergencePlan:
-    """Read a study of convergence from a TOML file.
-
-    Parameters
-    ----------
-    path : str or Path
-        The file.
-
-    Returns
-    -------
-    ConvergencePlan
-        Its changes, and all cases by material.
-
-    Raises
-    ------
-    BadInput
-        With file, line, key, value and what would be right.
-    """
+    """Read a study of convergence from a TOML file. Raises BadInput with file, line, key and value."""
     file = read_toml(path, "change")
     with file.at():
         top = read_section(file.table, _FILE)
@@ -256,10 +240,10 @@ def plot_convergence(rows: Sequence[ConvergenceRow]) -> Figure:
 
 def choices(rows: Sequence[ConvergenceRow]) -> dict[str, dict[str, Mapping[str, float]]]:
     """Measures of the base and of what is no refinement, by material and change."""
-    found: dict[str, dict[str, Mapping[str, float]]] = {}
+    by_material: dict[str, dict[str, Mapping[str, float]]] = {}
     for row in (row for row in rows if not row.refinement):
-        found.setdefault(row.material, {})[row.change or BASE] = row.measures
-    return found
+        by_material.setdefault(row.material, {})[row.change or BASE] = row.measures
+    return by_material
 
 
 def markdown(rows: Sequence[ConvergenceRow]) -> str:
@@ -267,21 +251,21 @@ def markdown(rows: Sequence[ConvergenceRow]) -> str:
     lines = []
     heads = [title + (f", {unit}" if unit != "1" else "") for title, unit in COMPARED.values()]
     for material in dict.fromkeys(row.material for row in rows):
-        made = []
+        table = []
         for row in (r for r in rows if r.material == material):
             left = f"{100 * row.closure:+.1f} %"
             if not row.change:
                 cells = [f"{v:.3g}" if math.isfinite(v) else "none" for v in row.measures.values()]
-                made.append([BASE, *cells, "", left])
+                table.append([BASE, *cells, "", left])
                 continue
             mark = "" if row.holds is None else " ✓" if row.holds else " ✗"
             end = "" if row.outcome == "done" else f" ({row.outcome})"
             worst = _percent(row.worst, sign="") + mark
-            made.append([row.change + end, *map(_percent, row.moved.values()), worst, left])
-        table = markdown_table(["", *heads, "worst", "energy left open"], made)
+            table.append([row.change + end, *map(_percent, row.moved.values()), worst, left])
         cut = all(row.cut for row in rows if row.material == material)
         uncut = [] if cut else ["Nothing was cut: no measure of a cut is compared.", ""]
-        lines += [f"**{material}**", "", *uncut, *table, ""]
+        text = markdown_table(["", *heads, "worst", "energy left open"], table)
+        lines += [f"**{material}**", "", *uncut, *text, ""]
     return "\n".join(lines)
 
 

@@ -3,6 +3,7 @@ over all of a run's time, however far it goes."""
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Callable, Sequence
 
@@ -191,13 +192,12 @@ def checked_frames(count: int | str | None) -> int:
     """How many frames are kept, of a number or its text; 0 for None. Raises BadInput."""
     if count is None:
         return 0
-    try:
-        found = int(count)
-    except (TypeError, ValueError, OverflowError):
-        found = 0
-    if count not in (found, str(found)) or not 1 <= found <= MAX_FRAMES:
+    number = 0
+    with contextlib.suppress(TypeError, ValueError, OverflowError):
+        number = int(count)
+    if count not in (number, str(number)) or not 1 <= number <= MAX_FRAMES:
         raise BadInput("frames", count, f"a whole number from 1 to {MAX_FRAMES}")
-    return found
+    return number
 
 
 class Frames:
@@ -230,14 +230,13 @@ class Frames:
         ``count``-th part of its time. All, where it had fewer steps."""
         if self.count and last is not None and (not self.kept or self.kept[-1].time_s < time_s):
             self.add(last())
-        found = len(self.kept)
-        if found <= self.count:
+        total = len(self.kept)
+        if total <= self.count:
             return list(self.kept)
-        times, chosen = np.array([each.time_s for each in self.kept]), -1
-        picked = []
+        times, chosen, picked = np.array([each.time_s for each in self.kept]), -1, []
         for k in range(1, self.count + 1):
             nearest = int(np.argmin(np.abs(times - times[-1] * k / self.count)))
             # Each once, and enough left for those that follow.
-            chosen = min(max(nearest, chosen + 1), found - 1 - (self.count - k))
+            chosen = min(max(nearest, chosen + 1), total - 1 - (self.count - k))
             picked.append(self.kept[chosen])
         return picked

@@ -258,8 +258,8 @@ def at_the_front(d: np.ndarray, c: np.ndarray, window: float, onset: float) -> t
     if math.isnan(onset):
         return math.nan, math.nan
     end = min(d[-1], onset + (TRANSITION + FRONT) * window)
-    there = d <= end
-    return fastest(np.append(d[there], end), np.append(c[there], np.interp(end, d, c)), FRONT * window)
+    until = d <= end
+    return fastest(np.append(d[until], end), np.append(c[until], np.interp(end, d, c)), FRONT * window)
 
 
 def fastest(d: np.ndarray, c: np.ndarray, window: float) -> tuple[float, float]:
@@ -315,11 +315,6 @@ class ForceCurve:
         """Largest relative fall of the mean force within a thickness of travel at the transition."""
         return relative_fall(self.d, self.F, self.thickness, self.begun, 0.0)
 
-    @property
-    def peak(self) -> float:
-        """The largest force up to a thickness behind the end of indentation."""
-        return float(self.F[self.d <= self.begun + self.thickness].max())
-
     @cached_property
     def tail(self) -> tuple[float, float]:
         """Mean and slope of the force behind the transition, of the last part of the travel."""
@@ -327,29 +322,23 @@ class ForceCurve:
         start = max(d[-1] - TAIL * (d[-1] - d[0]), self.onset + SETTLED * w)
         return (math.nan, math.nan) if not d[-1] - start >= w else steady_force(d, self.F, start, d[-1])
 
-    @property
-    def plateau_from(self) -> float:
-        """The travel at which the force first is what it is at its plateau."""
-        d = self.d
-        return first_crossing(*blurred(d, self.F, self.thickness / 2, d[0], d[-1]), self.tail[0])
 
-    @property
-    def work(self) -> float:
-        """Of the blade, mJ."""
-        return float(np.trapezoid(self.F, self.d))
-
-
+_WORK = "mJ", "work of the blade", lambda c: float(np.trapezoid(c.F, c.d))
 #: By name: unit, what it is, and how it is read off a curve.
 READ_OFF: dict[str, tuple[str, str, Callable[[ForceCurve], float]]] = {
     "onset": ("mm", "travel at the end of indentation", lambda c: c.onset),
-    "peak": ("N", "largest force of the transition", lambda c: c.peak),
+    # Up to a thickness behind the end of indentation.
+    "peak": ("N", "largest force of the transition",
+             lambda c: float(c.F[c.d <= c.begun + c.thickness].max())),
     "drop": ("1", "relative fall of the force within a thickness of travel at the transition",
              lambda c: c.fall),
     "plateau": ("N", "mean force behind the transition", lambda c: c.tail[0]),
-    "plateau_from": ("mm", "travel at which the force first is that of the plateau",
-                     lambda c: c.plateau_from),
+    "plateau_from": (
+        "mm", "travel at which the force first is that of the plateau",
+        lambda c: first_crossing(*blurred(c.d, c.F, c.thickness / 2, c.d[0], c.d[-1]), c.tail[0]),
+    ),
     "slope": ("N/mm", "slope of the force behind the transition", lambda c: c.tail[1]),
-    "work": ("mJ", "work of the blade", lambda c: c.work),
+    "work": _WORK,
     "firmness": ("N", "largest force", lambda c: float(c.F.max())),
-    "work_of_shear": ("mJ", "work of the blade", lambda c: c.work),
+    "work_of_shear": _WORK,
 }  # fmt: skip

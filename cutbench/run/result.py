@@ -4,6 +4,7 @@ what to try; and what it has to say, in one sentence."""
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar, Final, Protocol
@@ -15,9 +16,6 @@ from cutbench.base.versions import versions
 from cutbench.case.case import Case
 from cutbench.case.motion import TRANSITION
 from cutbench.run.measures import ABRUPT, ABRUPT_DROP, BRIDGED, KNOWN, UNDECIDED, label
-
-_LEADING = ("displacement_mm", "force_N", "time_s", "cut_length_mm")
-_TRAILING = ("reaction_N", "closure")
 
 #: Entries of the energy ledger that are no mechanisms: energy lost in jumps, where surfaces press on
 #: themselves, and what new meshes add.
@@ -34,29 +32,14 @@ SLOPE = "displacement_by_"
 class Snapshot:
     """A snapshot holds the fields of a run at one blade travel.
 
-    n is the number of nodes, m of elements, nn of nodes in an element, q of quadrature points on a face.
-
-    Attributes
-    ----------
-    displacement_mm : float, mm
-        Blade travel.
-    points : ndarray, shape (n, 3), mm
-        Positions in the reference state.
-    cells : ndarray, shape (m, nn)
-        Indices into ``points``, in meshio's order.
-    cell_type : str
-        ``triangle``, ``triangle6``, ``tetra`` or ``tetra10``.
-    point_data : dict of str to ndarray
-        ``displacement`` (n, 3) in mm, ``piola`` and ``cauchy`` (n, 9) in MPa row by row, ``von_mises`` (n,)
-        in MPa. Of a run that is differentiated also du/dθ (n, 3), in mm per internal unit, under ``SLOPE``
-        and the parameter's name.
-    faces : dict of str to dict of str to ndarray
-        For ``"cut"`` and ``"top"`` what is known at that face's quadrature points: ``X``, ``x`` (q, 3) in mm
-        in the reference and the current state, ``opening_mm``, ``damage``, ``contact_pressure_MPa``,
-        ``tangential_traction_MPa``, ``contact_state``, ``touched``, each (q,) or (q, 3).
-    time_s : float, s
-        The run's time, nan where it is not known.
-    """
+    ``points`` (n, 3) in mm are the nodes in the reference state, ``cells`` (m, nn) indices into them in
+    meshio's order, of ``cell_type`` ``triangle``, ``triangle6``, ``tetra`` or ``tetra10``. ``point_data``
+    has ``displacement`` (n, 3) in mm, ``piola`` and ``cauchy`` (n, 9) in MPa row by row, ``von_mises`` (n,)
+    in MPa; of a run that is differentiated also du/dθ (n, 3), in mm per internal unit, under ``SLOPE`` and
+    the parameter's name. ``faces`` has for ``"cut"`` and ``"top"`` what is known at that face's q quadrature
+    points: ``X``, ``x`` (q, 3) in mm in the reference and the current state, ``opening_mm``, ``damage``,
+    ``contact_pressure_MPa``, ``tangential_traction_MPa``, ``contact_state``, ``touched``, each (q,) or (q,
+    3). ``time_s`` is the run's time, nan where it is not known."""
 
     displacement_mm: float
     points: np.ndarray
@@ -197,22 +180,18 @@ class Result(Displayed):
 
 def ledger_entries(columns: Sequence[str]) -> tuple[str, ...]:
     """Names between ``force_`` and ``_N``, or ``work_`` and ``_mJ``, in order of appearance."""
-    names: dict[str, None] = {}
-    for column in columns:
-        for head, tail in (("force_", "_N"), ("work_", "_mJ")):
-            # "force_N" itself has no name between head and tail.
-            if column.startswith(head) and column.endswith(tail) and len(column) > len(head) + len(tail):
-                names[column[len(head) : -len(tail)]] = None
-    return tuple(names)
+    matches = [re.fullmatch(r"force_(.+)_N|work_(.+)_mJ", column) for column in columns]
+    return tuple(dict.fromkeys(match[1] or match[2] for match in matches if match))
 
 
 def ordered_columns(columns: Sequence[str]) -> list[str]:
     """The columns of ``curve.csv`` in its stated order; unknown ones stand before the closing two."""
     entries = ledger_entries(columns)
     ledger = [f"force_{m}_N" for m in entries] + [f"work_{m}_mJ" for m in entries]
-    known = [*_LEADING, *ledger, *_TRAILING]
-    others = [c for c in columns if c not in known]
-    return [c for c in (*_LEADING, *ledger, *others, *_TRAILING) if c in columns]
+    leading = ("displacement_mm", "force_N", "time_s", "cut_length_mm")
+    trailing = ("reaction_N", "closure")
+    others = [c for c in columns if c not in (*leading, *ledger, *trailing)]
+    return [c for c in (*leading, *ledger, *others, *trailing) if c in columns]
 
 
 #: What a summary has, in the order in which a person asks: measure, format and unit.
@@ -228,14 +207,14 @@ _SUMMARY = {
 
 def summary_lines(result: Result) -> list:
     """A run in a few lines: a head, then pairs of words."""
-    case, found = result.case, result.measures
+    case, measures = result.case, result.measures
     lines = [("found", result.sentence())]
     if not result.outcome.done:
         lines.append(("ended", str(result.outcome)))
-    cut = np.isfinite(found.get("onset_mm", np.nan))
+    cut = np.isfinite(measures.get("onset_mm", np.nan))
     for words, (name, form, unit) in _SUMMARY.items():
         # Without a cut there is no force of cutting.
-        if (cut or name in ("energy_mJ", "closure")) and np.isfinite(value := found.get(name, np.nan)):
+        if (cut or name in ("energy_mJ", "closure")) and np.isfinite(value := measures.get(name, np.nan)):
             lines.append((words, f"{value:{form}} {unit}".rstrip()))
     steps = f"{len(result.displacement_mm)} steps, {result.timings.get('total', 0):.3g} s"
     return [f"{case.name}, {case.dim}D, run {result.id}", *lines, ("cost", steps)]
@@ -332,8 +311,8 @@ def run_sentence(
     soon = "" if known or what == ABRUPT else " so far"
     tail = f"; abrupt begins at {_percent(ABRUPT_DROP)}" if what == UNDECIDED else ""
     if what == UNDECIDED and bridged > BRIDGED:
-        part = _percent(bridged)
-        tail = f"; {part} of the blade has uncut material between cuts, which thinner layers may not have"
+        cuts = "uncut material between cuts, which thinner layers may not have"
+        tail = f"; {_percent(bridged)} of the blade has {cuts}"
     if not known or not outcome.done:
         tail += f"; known to {reached:.3g} mm{end}"
     return f"{what}{soon}: the force {falls}{tail}"

@@ -124,32 +124,12 @@ def rate_independent_case(case: Case) -> Case:
 
 
 def trace_snap_back(case: Case, run: Result, *, on_progress: OnProgress = silent) -> SnapBack:
-    """Trace the equilibria that a run jumps over, and repeat the run with less viscosity.
+    """Trace the equilibria that a ``run`` jumps over, and repeat it with less viscosity.
 
-    The path is that of the case at rest, without its laws of time.
-
-    If it turns back, a jump follows, however fine the steps. A KeyboardInterrupt ends the path with what it
-    has, and leaves the limit out.
-
-    Parameters
-    ----------
-    case : Case
-        The case as it was run.
-    run : Result
-        Its run as asked for.
-    on_progress : callable
-        Called as ``on_progress(done, total, text)`` with travels in mm and the force.
-
-    Returns
-    -------
-    SnapBack
-        The path's curve, its jumps, the repeated runs and a verdict.
-
-    Raises
-    ------
-    BadInput
-        Where a law besides viscosity depends on time.
-    """
+    The path is that of the case at rest, without its laws of time. If it turns back, a jump follows, however
+    fine the steps. ``on_progress(done, total, text)`` has travels in mm and the force. A KeyboardInterrupt
+    ends the path with what it has, and leaves the limit out. Raises BadInput where a law besides viscosity
+    depends on time."""
     began = time.perf_counter()
     curve, stopped = trace_path(rate_independent_case(case), on_progress)
     jumps = tuple(jumps_of(curve, case.p.thickness))
@@ -244,7 +224,7 @@ def jumps_of(curve: Mapping[str, np.ndarray], thickness: float) -> list[Jump]:
     less than ``MIN_TURN_BACK`` blade thicknesses are left out.
     """
     d, released = curve["displacement_mm"], curve["released"] > 0
-    found, i = [], 0
+    jumps, i = [], 0
     while i < d.size - 1:
         if d[i + 1] >= d[i] and not released[i + 1]:
             i += 1
@@ -253,9 +233,9 @@ def jumps_of(curve: Mapping[str, np.ndarray], thickness: float) -> list[Jump]:
         last = i + 1 + int(ahead[0]) if ahead.size else d.size - 1
         back = float(d[i] - d[i : last + 1].min())
         if back > MIN_TURN_BACK * thickness or released[i + 1 : last + 1].any():
-            found.append(_jump(curve, i, last, ahead.size > 0))
+            jumps.append(_jump(curve, i, last, ahead.size > 0))
         i = last
-    return found
+    return jumps
 
 
 def _jump(curve: Mapping[str, np.ndarray], first: int, last: int, landed: bool) -> Jump:
@@ -309,10 +289,6 @@ def as_seen_by_advancing_blade(followed: SnapBack) -> dict[str, np.ndarray]:
     return columns
 
 
-#: Steady force and slope mean nothing here; these are measures of the transition.
-TRANSITION = ("drop_rel", "onset_mm", "peak_N", "peak_mm")
-
-
 def limit_rows(followed: SnapBack) -> list[dict[str, object]]:
     """Onset, peak and drop with less and less viscosity, and of the path, over one stretch of travel."""
     viscous = [SNAP, *(law.name for law in followed.case.model.all if law.regularises)]
@@ -322,12 +298,13 @@ def limit_rows(followed: SnapBack) -> list[dict[str, object]]:
         rows.append((text, result.measures, str(result.outcome), float(sum(spent))))
     shape, p = as_seen_by_advancing_blade(followed), followed.case.p
     if shape["displacement_mm"].size > 2:
-        found = measures(shape, window_mm=p.thickness, height_mm=p.height)
-        rows.append(("path at rest", found, followed.stopped or "done", 0.0))
+        of_path = measures(shape, window_mm=p.thickness, height_mm=p.height)
+        rows.append(("path at rest", of_path, followed.stopped or "done", 0.0))
     return [
         {"what": text, "outcome": outcome, "to_viscosity_mJ": spent}
-        | {key: found.get(key, math.nan) for key in TRANSITION}
-        for text, found, outcome, spent in rows
+        # Steady force and slope mean nothing here; these are measures of the transition.
+        | {key: each.get(key, math.nan) for key in ("drop_rel", "onset_mm", "peak_N", "peak_mm")}
+        for text, each, outcome, spent in rows
     ]
 
 
@@ -439,8 +416,8 @@ def _forces(axes: Axes, followed: SnapBack) -> None:
         {"color": COLOURS["purple"], "ls": "-.", "lw": 1.0},
     )  # fmt: skip
     for (text, run), look in zip((("as asked", followed.run), *followed.limit), looks, strict=False):
-        shown = run.displacement_mm <= end
-        axes.plot(run.displacement_mm[shown], run.force_N[shown], label=text, **look)
+        within = run.displacement_mm <= end
+        axes.plot(run.displacement_mm[within], run.force_N[within], label=text, **look)
     resting = np.where(let_go, np.nan, F)
     axes.plot(d, resting, color=COLOURS["blue"], ls="-", lw=1.4, label="equilibria at rest")
     if let_go.any():
