@@ -1,6 +1,7 @@
 """``python docs/pictures.py [NAME …]``: the pictures of the tutorials, from the commands that stand there.
 
-A page of HTML is photographed by Chromium, where there is one. ``tools`` and ``readings`` are drawn here.
+A page of HTML is photographed by Chromium, where there is one. ``tools``, ``readings`` and ``rooms`` are
+drawn here.
 """
 
 from __future__ import annotations
@@ -10,6 +11,8 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from collections import Counter
+from graphlib import TopologicalSorter
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -17,6 +20,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from PIL import Image
 
+import cutbench
 from cutbench.data.contact import find_contact
 from cutbench.mechanisms import registry
 
@@ -123,8 +127,49 @@ def readings() -> None:
     figure.savefig(FIGURES / "readings.png", dpi=140)
 
 
+def rooms() -> None:
+    """The folders of the package, each above what it imports; arrows are wider where more files import."""
+    root = Path(cutbench.__file__).parent
+    names = [p.parent.name for p in sorted(root.glob("*/__init__.py"))]
+    uses: Counter[tuple[str, str]] = Counter()
+    for file in root.glob("*/**/*.py"):
+        here = file.relative_to(root).parts[0]
+        text = file.read_text(encoding="utf-8")
+        for there in set(re.findall(r"^\s*(?:from|import) cutbench\.(\w+)", text, re.M)) - {here}:
+            uses[here, there] += there in names
+    below = {name: {b for (a, b), count in uses.items() if a == name and count} for name in names}
+    floors: list[list[str]] = []
+    order = TopologicalSorter(below)
+    order.prepare()
+    while order.is_active():
+        floors.append(sorted(order.get_ready()))
+        order.done(*floors[-1])
+    at = {
+        name: ((k + 1) / (len(floor) + 1) + 0.035 * (-1) ** level, level)
+        for level, floor in enumerate(floors)
+        for k, name in enumerate(floor)
+    }
+    figure, axes = plt.subplots(figsize=(7.2, 7.6), layout="constrained")
+    boxes = {}
+    for name, (x, y) in at.items():
+        count = sum(1 for _ in (root / name).rglob("*.py"))
+        look = {"boxstyle": "round,pad=0.4", "fc": "white", "ec": "0.2"}
+        text = axes.text(
+            x, y, f"{name}\n{count} files", ha="center", va="center", fontsize=9, bbox=look, zorder=5
+        )
+        boxes[name] = text.get_bbox_patch()
+    for (a, b), count in uses.items():
+        # What a direct neighbour imports as well is not drawn: nearly all import base.
+        if count and not any(b in below[c] for c in below[a]):
+            look = {"arrowstyle": "-|>", "color": "0.45", "lw": 0.7 + min(count, 30) / 12}
+            axes.annotate("", at[b], at[a], arrowprops={**look, "patchA": boxes[a], "patchB": boxes[b]})
+    axes.set(xlim=(0.1, 0.9), ylim=(-0.5, len(floors) - 0.5))
+    axes.axis("off")
+    figure.savefig(FIGURES / "rooms.png", dpi=200)
+
+
 if __name__ == "__main__":
-    drawn_here = {"tools": profiles, "readings": readings}
+    drawn_here = {"tools": profiles, "readings": readings, "rooms": rooms}
     asked = sys.argv[1:] or [*PICTURES, *drawn_here]
     with tempfile.TemporaryDirectory() as folder:
         for name in asked:

@@ -44,7 +44,11 @@ def test_one_thing_at_a_time_is_changed_that_the_model_leaves_open():
         assert laws + numerics + values == 1
 
 
-def test_what_is_off_or_cannot_be_is_not_repeated():
+def test_friction_that_is_off_could_as_well_be_there():
+    assert {"mu = 0.1", "mu = 0.4"} <= set(names()) and "mu = 0.05" in names(mu=0.1)
+
+
+def test_what_cannot_be_is_not_repeated():
     assert not [name for name in names(surface_length="0 mm") if name.startswith("surface_length")]
     found, refused = alternative_cases(load_case("gelatin", {"tip": "3.5 mm", "h": "0.5 mm"}))
     assert list(refused) == ["tip = 7 mm"] and "tip = 1.75 mm" in found

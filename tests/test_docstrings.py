@@ -1,10 +1,9 @@
-"""Docstrings of public names: a sentence first, sections that fit the signature, examples that run."""
+"""What the top exports has docstrings: one sentence, sections that fit the signature, examples that run."""
 
 from __future__ import annotations
 
 import dataclasses
 import functools
-import importlib
 import inspect
 import json
 import re
@@ -18,10 +17,6 @@ import pytest
 
 import cutbench
 
-ROOMS = ("cutbench", *(f"cutbench.{room}" for room in (
-    "run", "case", "maps", "data", "homogeneous", "calibration", "discovery", "emulator",
-    "base",
-)))  # fmt: skip
 #: Sections in the order in which they stand.
 SECTIONS = ("Parameters", "Attributes", "Returns", "Raises", "Examples")
 #: Words that begin no sentence which says what a thing is.
@@ -44,11 +39,9 @@ def described(room: str, name: str, value: Any) -> Iterator[tuple[str, Any]]:
 def public() -> dict[str, Any]:
     """All of them by their full names, each once."""
     found: dict[int, tuple[str, Any]] = {}
-    for room in ROOMS:
-        module = importlib.import_module(room)
-        for name in module.__all__:
-            for full, value in described(room, name, getattr(module, name)):
-                found.setdefault(id(value), (full, value))
+    for name in cutbench.__all__:
+        for full, value in described("cutbench", name, getattr(cutbench, name)):
+            found.setdefault(id(value), (full, value))
     return dict(found.values())
 
 

@@ -16,7 +16,7 @@ PACKAGE = Path(cutbench.__file__).parent
 STATEMENTS = {
     "base": 1416,
     "mechanisms": 2414,
-    "case": 1390,
+    "case": 1391,
     "forms": 2822,
     "solver": 1820,
     "models2d": 133,

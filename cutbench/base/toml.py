@@ -61,27 +61,7 @@ class TomlFile:
 
 
 def read_toml(path: str | Path, wanted: str = "") -> TomlFile:
-    """Read a TOML file, and keep its text for messages that name lines.
-
-    Parameters
-    ----------
-    path : str or Path
-        The file, saved as UTF-8.
-    wanted : str
-        What it has to be, by the section that only such a file has: ``experiment``, ``axis``, ``change``, or
-        ``case``; anything unless given.
-
-    Returns
-    -------
-    TomlFile
-        The table in the file, and its text.
-
-    Raises
-    ------
-    BadInput
-        If there is no such file, it cannot be read, it is not TOML, or another than is wanted; with the line
-        where that is known.
-    """
+    """Read a TOML file, and keep its text for messages that name lines. Raises BadInput."""
     path, name = Path(path), str(path)
     try:
         text = path.read_bytes().decode("utf-8-sig")

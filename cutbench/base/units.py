@@ -94,42 +94,14 @@ class Parameter:
 
     @classmethod
     def positive(cls, name: str, unit: str, symbol: str, doc: str, **rest: Any) -> Parameter:
-        """Make the parameter of a size: its value must be above 0.
-
-        Parameters
-        ----------
-        name, unit, symbol, doc : str
-            As the attributes of the class.
-        **rest : Any
-            Other attributes of the class, by name.
-
-        Returns
-        -------
-        Parameter
-            With an open lower bound at 0.
-        """
+        """Make the parameter of a size: its value must be above 0."""
         return cls(name, unit, symbol, doc, low=0.0, open_low=True, **rest)
 
     @classmethod
     def effect(
         cls, name: str, unit: str, symbol: str, doc: str, low: float | None = 0.0, **rest: Any
     ) -> Parameter:
-        """Make the parameter of an effect that 0, its default, switches off.
-
-        Parameters
-        ----------
-        name, unit, symbol, doc : str
-            As the attributes of the class.
-        low : float or None
-            The lowest value allowed, in ``unit``: 0 unless given, None where there is none.
-        **rest : Any
-            Other attributes of the class, by name.
-
-        Returns
-        -------
-        Parameter
-            With 0 for ``off`` and ``default``.
-        """
+        """Make the parameter of an effect that 0, its default, switches off."""
         return cls(name, unit, symbol, doc, low=low, off=0.0, default=0.0, **rest)
 
     @property
@@ -149,54 +121,19 @@ class Parameter:
         return math.nan if self.off is None else self.off * self.factor
 
     def in_tests(self, force: float, length: float, time: float) -> Parameter:
-        """Say what is typical in tests of another size: as many of their forces, lengths and times.
-
-        Parameters
-        ----------
-        force, length, time : float
-            Of the tests, N, mm and s.
-
-        Returns
-        -------
-        Parameter
-            With another ``typical``.
-        """
+        """Say what is typical in tests of another size: as many of their forces, lengths and times."""
         parts = zip((force, length, time), TYPICAL_TESTS, dimensions_of(self.unit), strict=True)
         return replace(self, typical=self.typical * math.prod((x / x0) ** power for x, x0, power in parts))
 
     def range_text(self) -> str:
-        """Write the admissible range in words, as error messages show it: ``"0 kPa < G"``.
-
-        Returns
-        -------
-        str
-            Bounds with their unit around the name.
-        """
+        """Write the admissible range in words, as error messages show it: ``"0 kPa < G"``."""
         unit = "" if self.unit == "1" else f" {self.unit}"
         left = "" if self.low is None else f"{self.low:g}{unit} {'<' if self.open_low else '<='} "
         right = "" if self.high is None else f" {'<' if self.open_high else '<='} {self.high:g}{unit}"
         return f"{left}{self.name}{right}"
 
     def check(self, value: float, *, key: str | None = None) -> float:
-        """Return a value if it lies within the bounds.
-
-        Parameters
-        ----------
-        value : float
-            The value in ``unit``.
-        key : str, optional
-            What it is called where it stands; the parameter's name unless given.
-
-        Returns
-        -------
-        float
-            ``value``, unchanged.
-
-        Raises
-        ------
-        BadInput
-            If it is not finite, or outside the bounds.
-        """
+        """Return a value if it lies within the bounds. Raises BadInput."""
         bad = not math.isfinite(value)
         if self.low is not None:
             bad |= value < self.low or (self.open_low and value == self.low)
@@ -208,41 +145,11 @@ class Parameter:
         return value
 
     def parse(self, raw: object, *, key: str | None = None) -> float:
-        """Read what a person wrote, such as ``"7.5 kPa"``, into internal units.
-
-        Parameters
-        ----------
-        raw : object
-            Text with a number and a unit; a bare number where the parameter has no unit.
-        key : str, optional
-            What it is called where it stands; the parameter's name unless given.
-
-        Returns
-        -------
-        float
-            The value in internal units (mm, N, s).
-
-        Raises
-        ------
-        BadInput
-            For a bare number where a unit is due, a unit of the wrong dimension, or a value beyond the
-            bounds.
-        """
+        """Read what a person wrote, such as ``"7.5 kPa"``, into internal units. Raises BadInput."""
         return self.check(parse_quantity(raw, self.unit, key=key or self.name), key=key) * self.factor
 
     def show(self, internal: float) -> str:
-        """Write a value as a person reads it, such as ``"7.5 kPa"``.
-
-        Parameters
-        ----------
-        internal : float
-            The value in internal units (mm, N, s).
-
-        Returns
-        -------
-        str
-            Six digits at most, and the unit.
-        """
+        """Write a value as a person reads it, such as ``"7.5 kPa"``."""
         value = internal / self.factor
         return f"{value:.6g}" if self.unit == "1" else f"{value:.6g} {self.unit}"
 
@@ -281,27 +188,7 @@ def dimensions_of(unit: str) -> tuple[float, float, float]:
 
 
 def parse_quantity(raw: object, unit: str, *, key: str = "") -> float:
-    """Read a quantity with its unit, and return its value in another unit.
-
-    Parameters
-    ----------
-    raw : object
-        What was written: text such as ``"7.5 kPa"``, or a number where ``unit`` is ``"1"``.
-    unit : str
-        The unit in which the value is wanted; ``"1"`` stands for a number without one.
-    key : str, optional
-        What it is called where it stands, for the message.
-
-    Returns
-    -------
-    float
-        The value in ``unit``.
-
-    Raises
-    ------
-    BadInput
-        When the unit is missing, unknown, or of the wrong dimension.
-    """
+    """Read a quantity with its unit, and return its value in another unit. Raises BadInput."""
     wanted = "a number without unit" if unit == "1" else f"a value with a unit, such as '1 {unit}'"
     if isinstance(raw, bool) or raw is None or isinstance(raw, (list, dict, tuple)):
         raise BadInput(key, raw, wanted)

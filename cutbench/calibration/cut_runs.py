@@ -206,27 +206,7 @@ class CutRuns:
     def __call__(
         self, cases: Sequence[Case], names: Sequence[str] = (), added: Sequence[Added] = ()
     ) -> list[ComputedCut | None]:
-        """Compute cuts.
-
-        Parameters
-        ----------
-        cases : sequence of Case
-            Each to the depth of its test, without a rig's laws.
-        names : sequence of str
-            Parameters that forces are differentiated by.
-        added : sequence of Added
-            Laws whose strengths they are differentiated by, at off.
-
-        Returns
-        -------
-        list
-            In the order of the cases; None for one that falls short, whose reason is in ``failed``.
-
-        Raises
-        ------
-        KeyboardInterrupt
-            If it is stopped.
-        """
+        """Compute cuts. Raises KeyboardInterrupt."""
         keys, wanted = tuple(_key_of_added(each) for each in added), dict[str, Case]()
         for case in cases:
             known = self._known.get(case.id)

@@ -45,24 +45,7 @@ HALF_SIDE_IN_SD, SMALLEST_HALF_SIDE = 2.5, 0.15
 def drop_unidentifiable(
     posterior: Posterior, asked: Sequence[str] = ()
 ) -> tuple[Posterior, dict[str, str], np.ndarray]:
-    """Leave at their start the parameters that the data do not tell there.
-
-    Parameters
-    ----------
-    posterior : Posterior
-        With all that may be looked for.
-    asked : sequence of str
-        Names that stay.
-
-    Returns
-    -------
-    Posterior
-        With the others.
-    dict
-        By label, why a parameter was left.
-    ndarray, shape (M, k)
-        Whitened derivatives of all readings at the start, by all parameters.
-    """
+    """Leave at their start the parameters that the data do not tell there. Gives (M, k)."""
     J, residual, y = {}, {}, {}
     q, cuts = np.zeros(len(posterior.parameters)), posterior.tests_with_runs
     exact = dict(zip([e.id for e in cuts], _exact_sensitivities(posterior, cuts, q), strict=True))
@@ -117,31 +100,8 @@ def successive_estimates(
     rounds: int | None = None,
     on_progress: OnProgress = silent,
 ) -> Iterator[Estimated]:
-    """The most probable parameters, better and better: the last one is what was looked for.
-
-    Parameters
-    ----------
-    posterior : Posterior
-        Of the model.
-    start : ndarray, shape (k,), optional
-        Scaled parameters near which they are expected; without, they are looked for in the whole box.
-    refine : bool
-        Whether the error of a cut's mesh is measured at the end.
-    rounds : int, optional
-        So often at most cuts are computed at the best place.
-    on_progress : callable
-        Told how many cuts were computed of how many there will be, and what is known.
-
-    Yields
-    ------
-    Estimated
-        At places where all fitted cuts were computed.
-
-    Raises
-    ------
-    ComputationFailed
-        If a test cannot be computed anywhere near.
-    """
+    """The most probable parameters, better and better: the last one is what was looked for. With ``start``
+    (k,). Raises ComputationFailed."""
     cuts = posterior.tests_with_runs
     q = np.zeros(len(posterior.parameters)) if start is None else start
     if not cuts:

@@ -57,20 +57,7 @@ class Identifiability:
 
 
 def identifiability(J: np.ndarray, parameters: Sequence[FreeParameter]) -> Identifiability:
-    """Find out which parameters the data can tell, from whitened derivatives.
-
-    Parameters
-    ----------
-    J : ndarray, shape (m, k)
-        Derivatives of the m whitened readings by the scaled parameters.
-    parameters : sequence of FreeParameter
-        The k parameters.
-
-    Returns
-    -------
-    Identifiability
-        Singular values, standard deviations, correlations, and sentences for a person.
-    """
+    """Find out which parameters the data can tell, from whitened derivatives. With ``J`` (m, k)."""
     labels = tuple(u.label for u in parameters)
     size = np.linalg.norm(J, axis=0)
     blind = size <= NO_SENSITIVITY * max(size.max(initial=0.0), 1e-300)

@@ -67,21 +67,7 @@ class Predicted:
 
 
 class Predictions:
-    """Predictions of one model for the tests of a campaign.
-
-    Parameters
-    ----------
-    campaign : Campaign
-        The tests.
-    base : Case
-        The model, with the values of all parameters that are not asked for.
-    grids : mapping
-        By id, where each test is compared.
-    runs : CutRuns
-        What cuts were computed, and what computes more.
-    free : sequence of str
-        Parameters of the model that will be given other values.
-    """
+    """Predictions of one model for the tests of a campaign."""
 
     def __init__(
         self,
@@ -161,28 +147,7 @@ class Predictions:
         return without_rig(made) if self.needs_runs(e) else made
 
     def predict(self, e: Experiment, values: Mapping[str, float], names: Sequence[str] = ()) -> Predicted:
-        """What a test reads.
-
-        Parameters
-        ----------
-        e : Experiment
-            The test.
-        values : mapping
-            Values of parameters in place of the base's, internal units.
-        names : sequence of str
-            Parameters that the readings are differentiated by.
-
-        Returns
-        -------
-        Predicted
-
-        Raises
-        ------
-        NotKnown
-            If too few cuts are known, or none is near enough.
-        ComputationFailed
-            If a homogeneous test has no answer with these values.
-        """
+        """What a test reads. Raises NotKnown or ComputationFailed."""
         if self.needs_runs(e):
             try:
                 return self._cut(e, values, names)
@@ -255,10 +220,7 @@ class Predictions:
         """What it reads of derivatives (n,) of the force of a run, by name; ``largest``: what each may be.
 
         Beyond the onset a run's exact derivatives are those of a stair, so that large ones are cut off.
-
-        Returns
-        -------
-        ndarray, shape (m, k)
+        Gives (m, k).
         """
         cut = {n: np.clip(np.nan_to_num(v), -largest[n], largest[n]) for n, v in slopes.items()}
         every = {**self._cuts[e.id].values, **values}

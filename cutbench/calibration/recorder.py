@@ -75,26 +75,7 @@ class Recorder:
         slopes: Mapping[str, np.ndarray] | None = None,
         names: Sequence[str] = (),
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Readings of a course.
-
-        Parameters
-        ----------
-        course : ndarray, shape (3, n)
-            Travel in mm, force in N, time in s, as no rig has changed them.
-        values : mapping
-            All parameters of the model, internal units.
-        slopes : mapping, optional
-            By name, derivatives (n,) of the force; what is left out only the rig depends on.
-        names : sequence of str
-            Parameters that the readings are differentiated by.
-
-        Returns
-        -------
-        y : ndarray, shape (m,)
-            Readings on the grid, N.
-        by : ndarray, shape (m, k)
-            Their derivatives by ``names``, internal units.
-        """
+        """Readings of a course. With ``course`` (3, n); gives ``y`` (m,), ``by`` (m, k)."""
         slopes, none = slopes or {}, np.zeros(course.shape[1])
         columns = [np.nan_to_num(slopes.get(name, none)) for name in names]
         if not self.model.laws("rig"):

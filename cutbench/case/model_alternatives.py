@@ -37,7 +37,9 @@ def _changes(case: Case) -> Iterator[tuple[str, Mapping[str, object]]]:
     for law in case.model.all:
         for q in law.parameters:
             for factor in q.unmeasured:
-                value = factor * case.values[q.name]
+                # What is off could as well be there.
+                now = case.values[q.name]
+                value = factor * (q.typical * q.factor if q.off is not None and now == q.off_value else now)
                 unit = "" if q.unit == "1" else f" {q.unit}"
                 yield f"{q.name} = {q.show(value)}", {q.name: f"{value / q.factor!r}{unit}"}
         for name in law.alternatives:

@@ -52,53 +52,20 @@ class Motion:
         return self.points[-1][0] * self.speed if self.points else self.depth
 
     def travel(self, pseudo_time_mm: float) -> float:
-        """Return the travel of the blade.
-
-        Parameters
-        ----------
-        pseudo_time_mm : float, mm
-            The way: time × ``speed``.
-
-        Returns
-        -------
-        float
-            The travel, mm.
-        """
+        """Return the travel of the blade."""
         return (
             float(np.interp(pseudo_time_mm / self.speed, *self._columns)) if self.points else pseudo_time_mm
         )
 
     def room(self, pseudo_time_mm: float) -> float:
-        """Return the way that is left to the next corner, or to the end, which no step goes across.
-
-        Parameters
-        ----------
-        pseudo_time_mm : float, mm
-            The way: time × ``speed``.
-
-        Returns
-        -------
-        float
-            The way that is left, mm.
-        """
+        """Return the way that is left to the next corner, or to the end, which no step goes across."""
         for time, _ in self.points:
             if time * self.speed > pseudo_time_mm + 1e-9 * self.end:
                 return time * self.speed - pseudo_time_mm
         return self.end - pseudo_time_mm
 
     def turns(self, pseudo_time_mm: float) -> bool:
-        """Return whether there is a corner here, so that nothing goes on as it did.
-
-        Parameters
-        ----------
-        pseudo_time_mm : float, mm
-            The way: time × ``speed``.
-
-        Returns
-        -------
-        bool
-            True at a corner.
-        """
+        """Return whether there is a corner here, so that nothing goes on as it did."""
         return any(abs(time * self.speed - pseudo_time_mm) < 1e-9 * self.end for time, _ in self.points)
 
 

@@ -373,18 +373,7 @@ _FAST: dict[str, Any] = {**_COARSE, "penalty": 11200.0, "stick": 280.0}
 
 
 def defaults(dim: int) -> Numerics:
-    """Return the numerical choices of a case that makes none.
-
-    Parameters
-    ----------
-    dim : int
-        2 for plane strain, 3 for a block.
-
-    Returns
-    -------
-    Numerics
-        The converged ones.
-    """
+    """Return the numerical choices of a case that makes none."""
     return _SOLID if dim == 3 else Numerics()
 
 
@@ -409,33 +398,13 @@ def preset(name: object, dim: int, modulus: float, thickness: float) -> Numerics
     """Return a named set of numerical choices, for a shear modulus and a blade.
 
     ``converged``: the defaults. ``fast``: elements twice as tall and a contact four times as soft;
-    docs/validation/convergence.md says what that costs; of a block, elements twice as tall in fewer layers.
-    ``tetrahedra``: a block of elements of its own, coarse and graded along the blade, too, as a mesh file's
-    are. ``paper``: linear elements of the paper's size, the material's normal, its dimensionless gap 1 −
-    (x−c)ᵀA(x−c) with ε_N/h, h the element's diameter, and multipliers that are updated until they stand
-    still, sticking with ε_T/h, a cut plane that resists closing as it resists opening, damage staggered, its
-    steps. Strengths of friction and adhesion follow the last step's pressure all the same, not this one's.
-
-    Parameters
-    ----------
-    name : object
-        The name of the set.
-    dim : int
-        2 for plane strain, 3 for a block.
-    modulus : float, MPa
-        Shear modulus, by which the paper's stiffnesses become those of this package.
-    thickness : float, mm
-        Thickness of the blade, for the same.
-
-    Returns
-    -------
-    Numerics
-        The whole set.
-
-    Raises
-    ------
-    BadInput
-        For an unknown name.
+    docs/validation/convergence.md says what that costs; of a block, elements twice as tall in fewer
+    layers. ``tetrahedra``: a block of elements of its own, coarse and graded along the blade, too, as a
+    mesh file's are. ``paper``: linear elements of the paper's size, the material's normal, its
+    dimensionless gap 1 − (x−c)ᵀA(x−c) with ε_N/h, h the element's diameter, and multipliers that are
+    updated until they stand still, sticking with ε_T/h, a cut plane that resists closing as it resists
+    opening, damage staggered, its steps. Strengths of friction and adhesion follow the last step's
+    pressure all the same, not this one's. Raises BadInput.
     """
     among("numerics", name, SOLID_PRESETS if dim == 3 else PRESETS)
     start = defaults(dim)

@@ -111,23 +111,7 @@ def section_changes(
 
 
 def parse_overrides(texts: Iterable[str]) -> dict[str, object]:
-    """Read texts such as ``"eta_reg=0.5 s"`` into changes as ``Case.set`` takes them.
-
-    Parameters
-    ----------
-    texts : iterable of str
-        One text a change, or one text alone.
-
-    Returns
-    -------
-    dict of str to object
-        What stands right of ``=`` by what stands left of it, such as ``{"eta_reg": "0.5 s"}``.
-
-    Raises
-    ------
-    BadInput
-        For no ``=``, or a key that is set twice.
-    """
+    """Read texts such as ``"eta_reg=0.5 s"`` into changes as ``Case.set`` takes them. Raises BadInput."""
     changes: dict[str, object] = {}
     for text in [texts] if isinstance(texts, str) else texts:
         key, sign, raw = (part.strip() for part in text.partition("="))

@@ -307,34 +307,8 @@ def start_case(
 ) -> tuple[Case, tuple[str, ...]]:
     """Make the case that a campaign starts from, with notes on what was added to it.
 
-    A baseline without a law for volume change gets the default one: a soft solid hardly changes its volume,
-    and a run without such a law has no unique answer.
-
-    Parameters
-    ----------
-    material : str, Path or None
-        A known name or a file of start values; None where ``parameters`` have all of them.
-    baseline : iterable of str, optional
-        Mechanisms, or the name of a set, ``default`` (that of every run) or ``paper``: of a set, the part
-        that tests of these ``kinds`` see. Without, those of the material, or ``default``.
-    kinds : iterable of str
-        Kinds of the tests, such as ``cut`` or ``uniaxial``.
-    parameters : mapping of str to object, optional
-        Start values with their units, as ``Case.set`` takes them.
-    name : str
-        What the case is called where no material names it.
-
-    Returns
-    -------
-    Case
-        The start.
-    tuple of str
-        The notes.
-
-    Raises
-    ------
-    BadInput
-        For an unknown name, or values that are missing or cannot be used.
+    A baseline without a law for volume change gets the default one: a soft solid hardly changes its
+    volume, and a run without such a law has no unique answer. Raises BadInput.
     """
     notes: tuple[str, ...] = ()
     seen = {slot for kind in kinds for slot in SLOTS[kind]} | {"bulk"}

@@ -271,19 +271,9 @@ class Experiment:
     def on_grid(self, n: int = 80) -> Averaged:
         """Bring the repetitions to one grid: their mean, scatter and reading noise.
 
-        The grid is even along x, or, in a test with holds or returns, half by the way and half by time, with
-        the turning points added. One repetition of no more than ``n`` readings stays as it is. See
+        The grid is even along x, or, in a test with holds or returns, half by the way and half by time,
+        with the turning points added. One repetition of no more than ``n`` readings stays as it is. See
         ``cutbench.data.covariance``.
-
-        Parameters
-        ----------
-        n : int
-            Values of the grid at the most.
-
-        Returns
-        -------
-        Averaged
-            Mean, scatter and noise on the grid.
         """
         reps = self.repetitions
         orders = [ascending_order(r) if self.monotone else np.arange(r.x.size) for r in reps]
@@ -314,22 +304,8 @@ class Experiment:
     def averaging(self, n: int) -> tuple[np.ndarray, list[np.ndarray], list[np.ndarray]]:
         """Return the grid along which repetitions are compared, and the matrices that bring readings to it.
 
-        r is the number of a repetition's readings. Of a test with holds or returns places count in seconds
-        from its first reading.
-
-        Parameters
-        ----------
-        n : int
-            Values of the grid at the most.
-
-        Returns
-        -------
-        grid : ndarray, shape (m,)
-            The grid.
-        places : list of ndarray, shape (r,)
-            Where each repetition's readings lie along it.
-        matrices : list of ndarray, shape (m, r)
-            What brings each one's readings to the grid.
+        r is the number of a repetition's readings. Of a test with holds or returns places count in
+        seconds from its first reading. Gives ``grid`` (m,), ``places`` (r,), ``matrices`` (m, r).
         """
         reps = self.repetitions
         along = [self._along(r) for r in reps]

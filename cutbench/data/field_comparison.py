@@ -65,14 +65,7 @@ class Comparison:
         return self.measured.strain - self.computed.strain
 
     def numbers(self) -> dict[str, float]:
-        """Say in numbers how far the two are apart.
-
-        Returns
-        -------
-        dict of str to float
-            Points compared, and by component the scale and the root mean square of the difference, in mm,
-            relative errors, and root mean squares of strain differences.
-        """
+        """Say in numbers how far the two are apart."""
         numbers: dict[str, float] = {
             "points": float(self.measured.u[0].size),
             "measured": float(np.isfinite(self.measured.u).all(axis=0).sum()),
@@ -100,18 +93,6 @@ def sample(snapshot: Snapshot, field: Field) -> Field:
     """Sample the displacements of a run on the grid of a measured field.
 
     A half or quarter model stands for its mirror image too. Of a block the end face is sampled.
-
-    Parameters
-    ----------
-    snapshot : Snapshot
-        The run's fields.
-    field : Field
-        The grid, and the configuration that its points are positions in.
-
-    Returns
-    -------
-    Field
-        On the same grid, in the same configuration; nan outside the body.
     """
     weights, element, flip, (_, u, triangles) = _elements_at(snapshot, field)
     sampled = np.full(flip.shape, np.nan)
@@ -161,20 +142,7 @@ def _elements_at(snapshot: Snapshot, field: Field):
 
 
 def at_travel(snapshots: Sequence[Snapshot], travel_mm: float) -> Snapshot | None:
-    """Interpolate displacements at one blade travel between the nearest snapshots before and after.
-
-    Parameters
-    ----------
-    snapshots : sequence of Snapshot
-        Fields of one run, at any travels.
-    travel_mm : float, mm
-        The blade travel.
-
-    Returns
-    -------
-    Snapshot or None
-        The nearest alone where there is only one side; None if none is within a hundredth of the height.
-    """
+    """Interpolate displacements at one blade travel between the nearest snapshots before and after."""
     near = [s for s in snapshots if not _apart(s, travel_mm)]
     if not near:
         return None
@@ -195,25 +163,7 @@ def _apart(snapshot: Snapshot, travel_mm: float) -> bool:
 
 
 def compare(field: Field, snapshot: Snapshot) -> Comparison:
-    """Put a measured field beside what a run gives at the same blade travel.
-
-    Parameters
-    ----------
-    field : Field
-        As measured.
-    snapshot : Snapshot
-        The run's fields.
-
-    Returns
-    -------
-    Comparison
-        Both, on the grid of ``field``.
-
-    Raises
-    ------
-    BadInput
-        If no point lies in the body, or travels differ by more than a hundredth of the height.
-    """
+    """Put a measured field beside what a run gives at the same blade travel. Raises BadInput."""
     expected = f"the travel of the run's fields, {snapshot.displacement_mm:g} mm"
     require(not _apart(snapshot, field.travel_mm), "travel", f"{field.travel_mm:g} mm", expected)
     comparison = Comparison(field, sample(snapshot, field))

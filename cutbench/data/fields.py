@@ -135,40 +135,7 @@ def read_fields(
     travel_mm: float = math.nan,
     valid: str | None = None,
 ) -> list[Field]:
-    """Read displacement fields from a text file with a row a point.
-
-    Parameters
-    ----------
-    path : str or Path
-        The file. A cell that is empty, nan, -nan(ind), #N/A and the like was not measured.
-    columns : mapping of str to (str or int), optional
-        The columns of x, y, u_x, u_y and, perhaps, travel, as in a campaign. By default x, y, u_x, u_y, or X,
-        Y, U, V, and, if the file has it, travel.
-    units : mapping of str to str, optional
-        Units by the same names, as in a campaign.
-    configuration : str, optional
-        What x and y are positions in, ``deformed``, as it is taken unless said, or ``reference``.
-    shift_mm : (float, float), mm
-        Added to x and y, after ``y_down``.
-    y_down : bool
-        Whether y and u_y count downwards, as in pictures.
-    travel_mm : float, mm
-        The travel of a file without such a column.
-    valid : str, optional
-        Which points were measured, such as ``"sigma >= 0"``, or ``"none"`` for all; by default as ``VALID``
-        says of a column that the file has.
-
-    Returns
-    -------
-    list of Field
-        In the order of blade travel. What was not measured is nan in them; their ``notes`` say what was left
-        out.
-
-    Raises
-    ------
-    BadInput
-        For a file that cannot be read, points that are on no grid, or given twice.
-    """
+    """Read displacement fields from a text file with a row a point. Raises BadInput."""
     path = Path(path)
     asked = _asked(columns)
     more = matching_titles(path, asked, ["travel", *VALID])

@@ -100,24 +100,7 @@ class Repetition:
         return math.nan if self.time_s is None else float(self.time_s[-1] - self.time_s[0])
 
     def wrong(self, key: str, value: object, expected: str, at: int | None = None) -> BadInput:
-        """Make the error about one reading, or about all of them, with its place in the file.
-
-        Parameters
-        ----------
-        key : str
-            What is wrong.
-        value : object
-            What it is.
-        expected : str
-            What would be right, in words.
-        at : int, optional
-            The reading, counted from 0; all of them unless given.
-
-        Returns
-        -------
-        BadInput
-            To be raised.
-        """
+        """Make the error about one reading, or about all of them, with its place in the file."""
         line = None if at is None or self.lines is None else int(self.lines[at])
         place = "" if self.name == "1" else f" in repetition '{self.name}'"
         if at is not None and line is None:

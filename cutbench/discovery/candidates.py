@@ -73,23 +73,7 @@ class Candidate:
 def candidates(
     campaign: Campaign, base: Case, estimated: Collection[str]
 ) -> tuple[list[Candidate], dict[str, str]]:
-    """What may explain what a model gets wrong.
-
-    Parameters
-    ----------
-    campaign : Campaign
-        The tests, and the mechanisms that are asked for.
-    base : Case
-        The model.
-    estimated : collection of str
-        Parameters that are fitted already.
-
-    Returns
-    -------
-    list of Candidate
-    dict
-        By name, why another mechanism is left out.
-    """
+    """What may explain what a model gets wrong."""
     found, left_out = _fixed_parameters(campaign, base, estimated), dict[str, str]()
     clock, size = any(e.timed or e.speed for e in campaign.train), size_of_tests(campaign)
     for name in campaign.candidates:

@@ -178,22 +178,7 @@ class Comparison:
 def comparisons(
     baseline: Estimated, *, seed: int = 0, on_progress: OnProgress = silent
 ) -> Iterator[Comparison]:
-    """Look for causes of what a fitted baseline misses, one after the other.
-
-    Parameters
-    ----------
-    baseline : Estimated
-        The fit of the model without any.
-    seed : int
-        Of the draws of chance.
-    on_progress : callable
-        Told what is done.
-
-    Yields
-    ------
-    Comparison
-        After each round; the last one is what was looked for.
-    """
+    """Look for causes of what a fitted baseline misses, one after the other."""
     null = baseline
     if baseline.posterior.tests_with_runs:
         # The mesh errs elsewhere in another model, whose cuts begin elsewhere; but as much.

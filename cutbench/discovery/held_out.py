@@ -92,17 +92,7 @@ class _Part:
 
 
 def held_out(before: Estimated, after: Estimated) -> HeldOut:
-    """How two fitted models predict what was not fitted.
-
-    Parameters
-    ----------
-    before, after : Estimated
-        The model without and with what is asked for.
-
-    Returns
-    -------
-    HeldOut
-    """
+    """How two fitted models predict what was not fitted."""
     parts, how = list(_tests(before, after)), TESTS
     if not parts:
         parts, how = list(_cross_validated(before, after)), FIFTHS

@@ -41,17 +41,7 @@ class Proposal:
 
 
 def next_tests(first: Estimated, second: Estimated) -> list[Proposal]:
-    """Tests that would tell two fitted models apart, the one that tells most first.
-
-    Parameters
-    ----------
-    first, second : Estimated
-        Fitted to the same tests.
-
-    Returns
-    -------
-    list of Proposal
-    """
+    """Tests that would tell two fitted models apart, the one that tells most first."""
     found, tests = [], first.posterior.tests
     # One test of each kind that has a formula.
     for e in {e.kind: e for e in tests if not first.posterior.predictions.needs_runs(e)}.values():

@@ -102,20 +102,7 @@ class Evidence:
 
 
 def noise_free_gain(before: Estimated, after: Estimated, seed: int = 0) -> NoiseFreeGain | None:
-    """The gain on the clean curves of the tests that are predicted.
-
-    Parameters
-    ----------
-    before, after : Estimated
-        The baseline and the extended model.
-    seed : int
-        Of the draws.
-
-    Returns
-    -------
-    NoiseFreeGain or None
-        None where there is no such test that both predict.
-    """
+    """The gain on the clean curves of the tests that are predicted."""
     evidence = gather_evidence(before, after)
     return None if evidence is None else gain_from_draws(evidence, np.random.default_rng(seed))
 

@@ -47,19 +47,7 @@ class Sensitivities:
 
 
 def sensitivities(null: Estimated, chosen: Sequence[Candidate]) -> Sensitivities:
-    """Of all candidates that can be evaluated.
-
-    Parameters
-    ----------
-    null : Estimated
-        The fitted model without them.
-    chosen : sequence of Candidate
-        Those that are asked for.
-
-    Returns
-    -------
-    Sensitivities
-    """
+    """Of all candidates that can be evaluated."""
     post, parts = null.posterior, SensitivityParts()
     for c in chosen:
         seen = [e for e in post.tests if c.acts_on(e)]

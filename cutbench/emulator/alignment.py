@@ -43,26 +43,7 @@ class Course:
 
 
 class AlignedCurves:
-    """Curves at places, and what lies between them.
-
-    Parameters
-    ----------
-    X : ndarray, shape (n, d)
-        Places.
-    courses : sequence of Course
-        One at each; in whatever units, the same for all.
-    x : ndarray, shape (k,)
-        Travels, ascending from 0, at which curves are said.
-    beyond : ndarray, optional
-        Travels beyond the onset, ascending from 0, between which curves are straight; even unless given.
-    kernels : sequence of Kernel, optional
-        Those of the onset, of what is before it and of what is beyond, as ``kernels`` of an earlier one says.
-
-    Raises
-    ------
-    ValueError
-        If there are too few places for their dimension.
-    """
+    """Curves at places, and what lies between them. With ``X`` (n, d), ``x`` (k,). Raises ValueError."""
 
     def __init__(
         self,
@@ -107,24 +88,8 @@ class AlignedCurves:
     def draws(
         self, places: np.ndarray, normal: Callable[[int, int], np.ndarray]
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Curves that runs at places may have.
-
-        Parameters
-        ----------
-        places : ndarray, shape (p, d)
-            Where.
-        normal : callable
-            ``normal(part, r)``: s draws (s, r) of r standard normal numbers for a part of the curve.
-
-        Returns
-        -------
-        onset : ndarray, shape (p, s)
-            Where their cuts begin, also where that is beyond the end.
-        before : ndarray, shape (p, s, k)
-            Forces at ``part`` of the way there.
-        after : ndarray, shape (p, s, m)
-            Forces at ``beyond`` from there.
-        """
+        """Curves that runs at places may have. With ``places`` (p, d); gives ``onset`` (p, s), ``before``
+        (p, s, k), ``after`` (p, s, m)."""
         assert self._onset is not None and self._after is not None, "enough cuts begin"
         sd = self._onset.spread(places, runs=True)
         onset = np.exp(np.clip(self._onset.mean(places)[:, None] + sd[:, None] * normal(0, 1).T[0], -50, 50))

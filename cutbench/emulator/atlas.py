@@ -200,28 +200,8 @@ class Measures:
 
 
 class Atlas:
-    """An atlas holds runs over ranges of dimensionless groups, and says what lies between them.
-
-    Parameters
-    ----------
-    space : DesignSpace
-        The ranges of its d dimensionless groups.
-    groups : ndarray, shape (n, d)
-        Values of its groups.
-    courses : sequence of Course
-        The n runs, in units of half the blade's thickness and of a force.
-    measured : mapping of str to ndarray, shape (n,)
-        ``peak``, ``drop`` and ``steady`` of the runs, nan where they have none, in the same units.
-    cumulative_work : mapping of str to sequence of ndarray, optional
-        By mechanism, the work (n arrays) that it took up at the travels of each run.
-    kernels : mapping of str to (Kernel or None), optional
-        Of its processes, as ``kernels`` of an earlier one says; the likeliest unless given, which takes a
-        while.
-    wider : mapping of str to float, optional
-        By measure, by what intervals are wider than the processes say, as runs that were left out showed.
-    about : mapping, optional
-        Where it comes from.
-    """
+    """An atlas holds runs over ranges of dimensionless groups, and says what lies between them. With
+    ``groups`` (n, d), ``measured`` (n,)."""
 
     def __init__(
         self,
@@ -256,20 +236,7 @@ class Atlas:
 
     @classmethod
     def read(cls, file: Any, space: DesignSpace = BLUNT_BLADES) -> Atlas:
-        """Read an atlas from a file that ``write`` made.
-
-        Parameters
-        ----------
-        file : path or file
-            What ``numpy.load`` takes.
-        space : DesignSpace
-            The ranges of its groups.
-
-        Returns
-        -------
-        Atlas
-            Ready to be asked.
-        """
+        """Read an atlas from a file that ``write`` made."""
         with np.load(file) as data:
             about = json.loads(str(data["about"]))
             ends = np.cumsum(data["sizes"])[:-1]
@@ -284,15 +251,7 @@ class Atlas:
             return cls(space, groups, courses, measured, cumulative_work, kernels, about["wider"], about)
 
     def write(self, file: Path, about: Mapping[str, Any]) -> None:
-        """Write the atlas into a file.
-
-        Parameters
-        ----------
-        file : Path
-            The file, an npz archive.
-        about : mapping of str to Any
-            Where it comes from, as plain data.
-        """
+        """Write the atlas into a file."""
         kernels = {n: k and {"lengths": k.lengths, "nugget": k.nugget} for n, k in self.kernels.items()}
         record = {**about, "works": [*self.cumulative_work], "kernels": kernels, "wider": {**self.wider}}
         arrays = {
@@ -339,23 +298,7 @@ class Atlas:
         return toughness + g["adhesion"] * g["cohesion"] * (start + np.maximum(end, start)) / 2
 
     def values(self, case: Case) -> list[float]:
-        """Compute the values of the groups of a case.
-
-        Parameters
-        ----------
-        case : Case
-            The case.
-
-        Returns
-        -------
-        list of float
-            The d values, in the order of the design space.
-
-        Raises
-        ------
-        NotInAtlas
-            Where the case lies outside; it says which group does.
-        """
+        """Compute the values of the groups of a case. Raises NotInAtlas."""
         found = values_of(self.space, case)
         for side, value in zip(self.space.ranges, found, strict=True):
             if not side.low * (1 - 1e-6) <= value <= side.high * (1 + 1e-6):
@@ -365,20 +308,7 @@ class Atlas:
 
     # -- what it says ---------------------------------------------------------------------------------
     def measures(self, groups: np.ndarray, depths: np.ndarray) -> Measures:
-        """Estimate the measures of runs that were not computed.
-
-        Parameters
-        ----------
-        groups : ndarray, shape (p, d)
-            Values of the groups of p runs.
-        depths : ndarray, shape (p,)
-            Their depths, in halves of the thickness.
-
-        Returns
-        -------
-        Measures
-            Means and standard deviations, in the atlas' units.
-        """
+        """Estimate the measures of runs that were not computed. With ``groups`` (p, d), ``depths`` (p,)."""
         places = self._coordinates(groups)
         onset = np.stack(self.curves.log_onset(places), axis=1)
         onset[:, 1] *= self.wider.get("onset", 1.0)
@@ -395,23 +325,7 @@ class Atlas:
         return Measures(**found)
 
     def estimate(self, case: Case) -> Estimate:
-        """Estimate what a run of a case would give.
-
-        Parameters
-        ----------
-        case : Case
-            The case.
-
-        Returns
-        -------
-        Estimate
-            Force, measures and regime, with their intervals.
-
-        Raises
-        ------
-        NotInAtlas
-            If it lies outside.
-        """
+        """Estimate what a run of a case would give. Raises NotInAtlas."""
         groups, units = np.array([self.values(case)]), Groups.of(case)
         assert units is not None, "of the atlas' model"
         half, force = units.length(case.values), units.force(case.values)
@@ -434,20 +348,8 @@ class Atlas:
         )  # fmt: skip
 
     def band(self, groups: np.ndarray, x: np.ndarray) -> np.ndarray:
-        """Compute the middle and the 90 % interval of the force along the travel.
-
-        Parameters
-        ----------
-        groups : ndarray, shape (1, d)
-            Values of the groups.
-        x : ndarray, shape (k,)
-            Travels, in halves of the thickness.
-
-        Returns
-        -------
-        ndarray, shape (3, k)
-            Low end, middle and high end, in the atlas' unit of force.
-        """
+        """Compute the middle and the 90 % interval of the force along the travel. With ``groups`` (1, d),
+        ``x`` (k,); gives (3, k)."""
 
         def normal(part: int, r: int) -> np.ndarray:
             half = np.random.default_rng(part).standard_normal((DRAWS // 2, r))
@@ -536,13 +438,7 @@ def values_of(space: DesignSpace, case: Case) -> list[float]:
 
 @cache
 def shipped() -> Atlas:
-    """Return the atlas that the package brings along: of blunt blades.
-
-    Returns
-    -------
-    Atlas
-        It is read once.
-    """
+    """Return the atlas that the package brings along: of blunt blades."""
     return Atlas.read(files("cutbench.emulator") / "blunt.npz")
 
 

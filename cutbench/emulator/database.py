@@ -62,37 +62,14 @@ class RunDatabase:
     _curves: dict[tuple, AlignedCurves] = field(default_factory=dict)
 
     def add(self, case: Case, course: np.ndarray, onset_mm: float = math.nan) -> None:
-        """Take up a run, where its case has units and its curve more than one point.
-
-        Parameters
-        ----------
-        case : Case
-            What was computed.
-        course : ndarray, shape (3, n)
-            Travel in mm, force in N and time in s.
-        onset_mm : float, mm
-            Where the cut begins; nan where it does not.
-        """
+        """Take up a run, where its case has units and ``course`` (3, n) more than one point."""
         if course.shape[1] > 1 and Groups.of(case) is not None:
             x = course[2] * case.values["speed"] if case.motion else course[0]
             # Where the blade goes back, curves are laid over each other by the time alone.
             self.runs.append(Run(case, x, course[1], math.nan if case.motion else onset_mm))
 
     def emulator(self, cases: Sequence[Case], free: Collection[str]) -> CutEmulator | None:
-        """Make an emulator of cuts like given ones, with any values of some parameters.
-
-        Parameters
-        ----------
-        cases : sequence of Case
-            One of each test: of the same model, at the test's speed and depth, with its sizes and blade.
-        free : collection of str
-            Parameters whose values will differ from those of the cases.
-
-        Returns
-        -------
-        CutEmulator or None
-            None where too few runs are known.
-        """
+        """Make an emulator of cuts like given ones, with any values of some parameters."""
         try:
             return CutEmulator(self.runs, cases, free, self._curves)
         except ValueError:
@@ -103,23 +80,7 @@ class CutEmulator:
     """An emulator predicts the forces of cuts that were not computed, from those that were.
 
     ``RunDatabase.emulator`` makes one. Models that differ in what is no part of a cut have the same
-    ``curves``.
-
-    Parameters
-    ----------
-    runs : sequence of Run
-        The cuts that are known.
-    cases : sequence of Case
-        One of each test that will be asked for: of the same model, with its speed, depth, sizes and blade.
-    free : collection of str
-        Parameters whose values will differ from those of the cases.
-    curves : dict, optional
-        Curves that earlier emulators were made of, by what they depend on; taken from here, and added to.
-
-    Raises
-    ------
-    ValueError
-        If too few runs are known, or their values do not tell what a free parameter does.
+    ``curves``. Raises ValueError.
     """
 
     def __init__(
@@ -222,58 +183,15 @@ class CutEmulator:
         return len(self.curves.courses)
 
     def travel(self, values: Mapping[str, float]) -> np.ndarray:
-        """Return the travels at which the forces of a cut are predicted.
-
-        Parameters
-        ----------
-        values : mapping of str to float
-            All values of the cut, internal units.
-
-        Returns
-        -------
-        ndarray, shape (k,)
-            Travels, mm; of a blade that holds or returns, times times its speed.
-        """
+        """Return the travels at which the forces of a cut are predicted. Gives (k,)."""
         return self.x * self.groups.length(values)
 
     def forces(self, each: Sequence[Mapping[str, float]]) -> np.ndarray:
-        """Predict the forces of cuts, which are smooth in the values.
-
-        Parameters
-        ----------
-        each : sequence of mapping of str to float
-            All values of p cuts, internal units.
-
-        Returns
-        -------
-        ndarray, shape (p, k)
-            Forces at ``travel``, N.
-
-        Raises
-        ------
-        OutOfRange
-            If one lies too far from all that are known.
-        """
+        """Predict the forces of cuts, which are smooth in the values. Gives (p, k). Raises OutOfRange."""
         return self.curves.mean(self._places(each)) * self._units(each)[:, None]
 
     def computed(self, values: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray] | None:
-        """Return the computed run with these values, where there is one.
-
-        Parameters
-        ----------
-        values : mapping of str to float
-            All values of the cut, internal units.
-
-        Returns
-        -------
-        tuple of (ndarray, ndarray), shape (n,), or None
-            Travel in mm and force in N; None if there is none.
-
-        Raises
-        ------
-        OutOfRange
-            If it lies too far from all that are known.
-        """
+        """Return the computed run with these values, where there is one. Gives (n,). Raises OutOfRange."""
         found = self.curves.computed(self._places([values])[0])
         if found is None:
             return None
@@ -282,24 +200,8 @@ class CutEmulator:
     def slopes(self, values: Mapping[str, float], names: Sequence[str]) -> np.ndarray:
         """Compute derivatives of the predicted forces by parameters.
 
-        They are differences over a step that is short beside the distance of runs.
-
-        Parameters
-        ----------
-        values : mapping of str to float
-            All values of the cut, internal units.
-        names : sequence of str
-            The parameters to differentiate by.
-
-        Returns
-        -------
-        ndarray, shape (k, len(names))
-            Derivatives at ``travel``, N per internal unit.
-
-        Raises
-        ------
-        OutOfRange
-            If it lies too far from all that are known.
+        They are differences over a step that is short beside the distance of runs. Gives (k, len(names)).
+        Raises OutOfRange.
         """
         known, moved, changes = self.model.parameters(), [], []
         for name in names:
@@ -316,46 +218,13 @@ class CutEmulator:
     def root(self, values: Mapping[str, float], runs: bool = True) -> np.ndarray:
         """Compute a root of the covariance of the error of predicted forces.
 
-        The error is what a run would have and is not predicted.
-
-        Parameters
-        ----------
-        values : mapping of str to float
-            All values of the cut, internal units.
-        runs : bool
-            Whether what differs from run to run is part of it; if not, it is that of the smooth part alone.
-
-        Returns
-        -------
-        ndarray, shape (k, r)
-            The root R of the covariance R Rᵀ of forces at ``travel``, N.
-
-        Raises
-        ------
-        OutOfRange
-            If it lies too far from all that are known.
+        The error is what a run would have and is not predicted. Gives (k, r). Raises OutOfRange.
         """
         place = self._places([values])[0]
         return self.curves.root(place, runs) * self._units([values])[0]
 
     def onset_mm(self, values: Mapping[str, float]) -> float:
-        """Predict where the cut begins.
-
-        Parameters
-        ----------
-        values : mapping of str to float
-            All values of the cut, internal units.
-
-        Returns
-        -------
-        float
-            Travel, mm; beyond the depth where it does not begin.
-
-        Raises
-        ------
-        OutOfRange
-            If it lies too far from all that are known.
-        """
+        """Predict where the cut begins. Raises OutOfRange."""
         return float(self.curves.onset(self._places([values]))[0] * self.groups.length(values))
 
     def _places(self, each: Sequence[Mapping[str, float]]) -> np.ndarray:

@@ -73,68 +73,21 @@ class Kernel:
     nugget: float
 
     def correlation(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        """Compute the correlation of the smooth part between places.
-
-        Parameters
-        ----------
-        a : ndarray, shape (n, d)
-            Places.
-        b : ndarray, shape (m, d)
-            Places.
-
-        Returns
-        -------
-        ndarray, shape (n, m)
-            1 at distance 0.
-        """
+        """Compute the correlation of the smooth part between places. With ``a`` (n, d), ``b`` (m, d); gives
+        (n, m)."""
         r = _ROOT5 * self.distances(a, b)
         return (1 + r + r**2 / 3) * np.exp(-r)
 
     def distances(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        """Compute the distances between places, in lengths.
-
-        Parameters
-        ----------
-        a : ndarray, shape (n, d)
-            Places.
-        b : ndarray, shape (m, d)
-            Places.
-
-        Returns
-        -------
-        ndarray, shape (n, m)
-            Distances.
-        """
+        """Compute the distances between places, in lengths. With ``a`` (n, d), ``b`` (m, d); gives (n, m)."""
         a, b = a / np.array(self.lengths), b / np.array(self.lengths)
         square = (a**2).sum(1)[:, None] + (b**2).sum(1) - 2 * a @ b.T
         return np.sqrt(np.maximum(square, 0.0))
 
 
 class GaussianProcess:
-    """A Gaussian process predicts values at any place, given those at some.
-
-    Parameters
-    ----------
-    X : ndarray, shape (n, d)
-        Places.
-    Y : ndarray, shape (n,) or (n, m)
-        One value, or the m values of a curve, at each.
-    trend : {"none", "constant", "linear"}
-        What values are far from all places.
-    kernel : Kernel, optional
-        Lengths and nugget; the likeliest unless given.
-    lengths : sequence of float, optional
-        Expected lengths; from the linear effects of the coordinates unless given.
-    noise : ndarray, shape (n,), optional
-        Relative variance of each value in place of the kernel's nugget.
-    sizes : (float, float)
-        Bounds of the standard deviation of values.
-
-    Raises
-    ------
-    ValueError
-        If there are fewer places than the trend needs, or not as many values.
-    """
+    """A Gaussian process predicts values at any place, given those at some. With ``X`` (n, d), ``Y`` (n,),
+    ``noise`` (n,). Raises ValueError."""
 
     def __init__(
         self,
@@ -160,18 +113,7 @@ class GaussianProcess:
 
     # -- what it says -------------------------------------------------------------------------------
     def mean(self, at: np.ndarray) -> np.ndarray:
-        """Predict values, without what differs from run to run.
-
-        Parameters
-        ----------
-        at : ndarray, shape (p, d)
-            Places.
-
-        Returns
-        -------
-        ndarray, shape (p,) or (p, m)
-            Values, or curves.
-        """
+        """Predict values, without what differs from run to run. With ``at`` (p, d); gives (p,)."""
         parts = []
         for part in _chunks(np.atleast_2d(at)):
             near = self.kernel.correlation(part, self.X)
@@ -179,20 +121,7 @@ class GaussianProcess:
         return np.concatenate(parts).reshape(-1, *self.Y.shape[1:])
 
     def spread(self, at: np.ndarray, runs: bool = False) -> np.ndarray:
-        """Compute the standard deviations of predicted values.
-
-        Parameters
-        ----------
-        at : ndarray, shape (p, d)
-            Places.
-        runs : bool
-            Whether they are of what runs there would give; if not, they are of the smooth part.
-
-        Returns
-        -------
-        ndarray, shape (p,)
-            Of a single value in its unit, of a curve relative to ``curve_root``.
-        """
+        """Compute the standard deviations of predicted values. With ``at`` (p, d); gives (p,)."""
         found = []
         for part in _chunks(np.atleast_2d(at)):
             V = self.influence(part)
@@ -226,17 +155,8 @@ class GaussianProcess:
     def influence(self, at: np.ndarray) -> np.ndarray:
         """Compute the whitened correlation L⁻¹ c of the data with places.
 
-        Inner products of its columns are what the data take off the correlation of these.
-
-        Parameters
-        ----------
-        at : ndarray, shape (p, d)
-            Places.
-
-        Returns
-        -------
-        ndarray, shape (n, p)
-            A column for each place.
+        Inner products of its columns are what the data take off the correlation of these. With ``at`` (p,
+        d); gives (n, p).
         """
         return self._fit.whitened(self.kernel.correlation(np.atleast_2d(at), self.X).T)
 
@@ -293,28 +213,9 @@ def negative_log_posterior(
     middle: np.ndarray,
     sizes: tuple[float, float] = (0.0, math.inf),
 ) -> tuple[float, np.ndarray]:
-    """Minus the logarithm of restricted likelihood and prior, but for a constant, and its gradient.
-
-    Parameters
-    ----------
-    parameters : ndarray, shape (d + 1,)
-        Logarithms of lengths and nugget.
-    squares : ndarray, shape (d, n, n)
-        Squared distances along each coordinate.
-    A : ndarray, shape (n, k)
-        The trend.
-    Y : ndarray, shape (n, m)
-        Values.
-    middle : ndarray, shape (d + 1,)
-        What is expected of the parameters.
-    sizes : (float, float)
-        Bounds of the standard deviation of values.
-
-    Returns
-    -------
-    float
-    ndarray, shape (d + 1,)
-    """
+    """Minus the logarithm of restricted likelihood and prior, but for a constant, and its gradient. With
+    ``parameters`` (d + 1,), ``squares`` (d, n, n), ``A`` (n, k), ``Y`` (n, m), ``middle`` (d + 1,); gives
+    (d + 1,)."""
     steep, nugget = np.exp(-2 * parameters[:-1]), math.exp(parameters[-1])
     r = _ROOT5 * np.sqrt(np.tensordot(steep, squares, 1))
     decay = np.exp(-r)

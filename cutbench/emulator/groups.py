@@ -41,18 +41,7 @@ class Groups:
 
     @classmethod
     def of(cls, case: Case) -> Groups | None:
-        """Make the groups of a case's model.
-
-        Parameters
-        ----------
-        case : Case
-            The case.
-
-        Returns
-        -------
-        Groups or None
-            None where no modulus, thickness or speed sets the units.
-        """
+        """Make the groups of a case's model."""
         powers, values = _powers(case.mechanisms), case.values
         stress = [n for n, (force, length, time) in powers.items() if (force, length, time) == (1, -2, 0)]
         modulus = next((n for n in stress if values[n] > 0), None)
@@ -62,18 +51,7 @@ class Groups:
         return cls(modulus, {n: p for n, p in powers.items() if not (plane and n == "length")}, plane)
 
     def reduced(self, values: Mapping[str, float]) -> dict[str, float]:
-        """Compute all parameters that a cut depends on, in these units.
-
-        Parameters
-        ----------
-        values : mapping of str to float
-            All values of the cut, internal units.
-
-        Returns
-        -------
-        dict of str to float
-            Numbers without a unit, by parameter.
-        """
+        """Compute all parameters that a cut depends on, in these units."""
         stress, length = values[self.modulus], self.length(values)
         time = length / values["speed"]
         return {
@@ -82,34 +60,11 @@ class Groups:
         }
 
     def length(self, values: Mapping[str, float]) -> float:
-        """Return the unit of length, half the blade's thickness.
-
-        Parameters
-        ----------
-        values : mapping of str to float
-            All values of the cut, internal units.
-
-        Returns
-        -------
-        float
-            The length, mm.
-        """
+        """Return the unit of length, half the blade's thickness."""
         return values["thickness"] / 2
 
     def force(self, values: Mapping[str, float]) -> float:
-        """Return the unit of force.
-
-        Parameters
-        ----------
-        values : mapping of str to float
-            All values of the cut, internal units.
-
-        Returns
-        -------
-        float
-            The force, N: modulus times half the blade's thickness times the length along the blade, or times
-            half the thickness again in three dimensions.
-        """
+        """Return the unit of force."""
         along = values["length"] if self.plane else self.length(values)
         return values[self.modulus] * self.length(values) * along
 

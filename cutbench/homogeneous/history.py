@@ -43,18 +43,6 @@ class LoadingHistory:
         """Make the history of a test on its grid.
 
         Without times every step is slow.
-
-        Parameters
-        ----------
-        experiment : Experiment
-            The test.
-        at : Averaged
-            The grid, from ``experiment.on_grid``.
-
-        Returns
-        -------
-        LoadingHistory
-            A reading for each value of the grid.
         """
         pressure = experiment.pressure_MPa if at.pressure_MPa is None else at.pressure_MPa
         return cls.along(at.x, at.time_s, experiment.rest, pressure)
@@ -70,22 +58,7 @@ class LoadingHistory:
         """Make a history from abscissas and times.
 
         The clock's zero does not matter: the first reading is reached at the rate from there to the next.
-
-        Parameters
-        ----------
-        x : ndarray, shape (n,)
-            Stretch (1), slip or opening (mm) at each reading.
-        time_s : ndarray, shape (n,), s, optional
-            Times of the readings; without any every step is slow.
-        rest : float
-            The abscissa of the undeformed specimen.
-        pressure_MPa : float or ndarray, shape (n,), MPa
-            Contact pressure of a sliding test.
-
-        Returns
-        -------
-        LoadingHistory
-            The way to each reading, and how long it takes.
+        With ``x`` (n,), ``time_s`` (n,), ``pressure_MPa`` (n,).
         """
         x = np.asarray(x, dtype=float)
         pressure = np.broadcast_to(np.asarray(pressure_MPa, dtype=float), x.shape)
@@ -110,22 +83,7 @@ class LoadingHistory:
         return rate
 
     def steps(self, largest: float, fewest: int, *, log: bool = False) -> Iterator[tuple[float, float, bool]]:
-        """Divide the history into steps that are short enough to integrate over.
-
-        Parameters
-        ----------
-        largest : float
-            Largest step of the abscissa.
-        fewest : int
-            Fewest steps to each reading.
-        log : bool
-            Whether the size of a step is that of the logarithm.
-
-        Returns
-        -------
-        iterator of (float or ndarray, float, bool)
-            Abscissa, duration in s, and whether a reading is reached.
-        """
+        """Divide the history into steps that are short enough to integrate over."""
         before = self.rest
         for x, dt in zip(self.x, self.dt, strict=True):
             way = np.abs(np.log(np.real(x / before)) if log else np.real(x - before)).max()

@@ -27,24 +27,7 @@ OFF = "without its effect"
 
 
 def plot_law(name: str) -> Figure:
-    """Draw a law at the typical values of its parameters.
-
-    Parameters
-    ----------
-    name : str
-        A known law of the slots ``bulk``, ``cut`` or ``blade``.
-
-    Returns
-    -------
-    Figure
-        Stress over stretch or volume, traction over opening, strength over pressure, or a blade's profile; in
-        grey the first of these without the law's effect.
-
-    Raises
-    ------
-    BadInput
-        For a law that has none of these.
-    """
+    """Draw a law at the typical values of its parameters. Raises BadInput."""
     law = mechanism(name, key="mechanism")
     draw = next((draw for kind, draw in _DRAWN.items() if isinstance(law, kind)), None)
     if draw is None:

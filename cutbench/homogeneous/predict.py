@@ -22,31 +22,7 @@ from cutbench.mechanisms.base import MODULUS, STEP
 def predict(
     experiment: Experiment, model: Model, p: SimpleNamespace, at: Averaged | None = None
 ) -> np.ndarray:
-    """Predict the readings of a test without a mesh.
-
-    Parameters
-    ----------
-    experiment : Experiment
-        The test, of any kind but ``cut``, which a run computes (``run_case(campaign.case(experiment))``).
-    model : Model
-        The laws.
-    p : SimpleNamespace
-        The parameters by attribute, internal units. They may be complex, see ``respond``.
-    at : Averaged, optional
-        The grid; ``experiment.on_grid()`` unless given.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Readings on the grid, in ``experiment.y_unit``.
-
-    Raises
-    ------
-    BadInput
-        For a ``cut``.
-    ComputationFailed
-        Where the model has no answer.
-    """
+    """Predict the readings of a test without a mesh. Gives (n,). Raises BadInput or ComputationFailed."""
     return _read(experiment, model, p, at or experiment.on_grid(), 1)[:, 0]
 
 
@@ -56,30 +32,7 @@ def respond(
     """Compute the stress or traction along a loading history.
 
     It is complex if ``p`` has complex values: with p.G = G + 1e-30j the imaginary part over 1e-30 is the
-    exact derivative by G. What the testing machine does is no part of it.
-
-    Parameters
-    ----------
-    kind : str
-        Kind of the test: ``uniaxial``, ``equibiaxial``, ``pure_shear``, ``sliding`` or ``separation``.
-    history : LoadingHistory
-        How the test moves.
-    model : Model
-        The laws.
-    p : SimpleNamespace
-        The parameters by attribute, internal units.
-    direction : str
-        ``opening`` or ``sliding`` of a separation test.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Nominal stress or traction, MPa.
-
-    Raises
-    ------
-    BadInput
-        For another kind.
+    exact derivative by G. What the testing machine does is no part of it. Gives (n,). Raises BadInput.
     """
     return _respond(kind, history, model, p, direction, 1)[:, 0]
 
@@ -89,32 +42,8 @@ def slopes(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Predict the readings of a test, and their exact derivatives by parameters.
 
-    All derivatives come from one pass along the history.
-
-    Parameters
-    ----------
-    experiment : Experiment
-        The test, of any kind but ``cut``.
-    model : Model
-        The laws.
-    p : SimpleNamespace
-        The parameters by attribute, internal units.
-    names : sequence of str
-        The k parameters to differentiate by.
-    at : Averaged, optional
-        The grid; ``experiment.on_grid()`` unless given.
-
-    Returns
-    -------
-    readings : ndarray, shape (n,)
-        In ``experiment.y_unit``.
-    derivatives : ndarray, shape (n, k)
-        In that unit per internal unit of the parameter.
-
-    Raises
-    ------
-    BadInput
-        For a name that is not in ``p``, or a ``cut``.
+    All derivatives come from one pass along the history. Gives ``readings`` (n,), ``derivatives`` (n, k).
+    Raises BadInput.
     """
     at = at or experiment.on_grid()
     for name in names:
@@ -136,27 +65,7 @@ def scan(
 ) -> np.ndarray:
     """Compute exact derivatives of the readings of a test at several sets of values.
 
-    All of them come from one pass along the history where the model has a memory.
-
-    Parameters
-    ----------
-    experiment : Experiment
-        The test, of any kind but ``cut``.
-    model : Model
-        The laws.
-    p : SimpleNamespace
-        The parameters by attribute, internal units.
-    names : sequence of str
-        The k parameters to differentiate by.
-    sets : sequence of mapping of str to float
-        Values, internal units, each set in place of those in ``p``; s sets.
-    at : Averaged, optional
-        The grid; ``experiment.on_grid()`` unless given.
-
-    Returns
-    -------
-    ndarray, shape (s, n, k)
-        In ``experiment.y_unit`` per internal unit of the parameter.
+    All of them come from one pass along the history where the model has a memory. Gives (s, n, k).
     """
     at = at or experiment.on_grid()
     out = _complex_stepped(experiment, model, p, [(values, name) for values in sets for name in names], at)

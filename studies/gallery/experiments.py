@@ -49,6 +49,12 @@ WIRES = {
     **{("saturates", d): run for d, run in wires("gelatin-wires", WIRES_MM, **SATURATED).items()},
     **{mu: run for mu in (0.1, 0.2) for run in wires("gelatin-wires", (0.5,), mu=mu).values()},
 }
+#: Finer ones, of radii below G_c/E.
+FINE_MM = (0.0625, 0.125)
+RADII = {
+    **{d: wires("gelatin-wires", (d,), depth=f"{20 * d} mm", **SATURATED)[d] for d in FINE_MM},
+    **{d: WIRES["saturates", d] for d in WIRES_MM},
+}
 #: G_c (N/mm) and G (MPa) of the wires' gelatin.
 G_C, G = 1.1e-3, 5.02e-3
 
@@ -86,7 +92,8 @@ def cheese(name: str) -> Say:
 
 SPEEDS = {v: Run("gelatin-speeds", {"speed": f"{v} mm/s"}) for v in (0.25, 2.0)}
 
-RAZORS = {d: Run("razor-pdms", {"thickness": f"{d} mm"}) for d in (0.1, 0.2)}
+#: A blunter edge is steady sooner, in thicknesses.
+RAZORS = {d: wires("razor-pdms", (d,), depth=f"{travel * d:g} mm")[d] for d, travel in ((0.2, 14), (0.7, 9))}
 
 #: Friction coefficients, and friction that saturates at the pressure G, or a third of it.
 COULOMB = {"gelatin": (0.0, 0.01, 0.05, 0.3), "elastomer": (0.0, 0.3), "meat": (0.0, 0.05, 0.3)}
@@ -138,11 +145,23 @@ EXPERIMENTS = (
         Finding("its slope, G", "open", "(1 + μ) σ_y, of a σ_y that is not at hand",
                 lambda found: per_toughness("saturates")(found)[1] * G_C / G, -math.inf, math.inf, 2),
     )),
+    Experiment("a gel by wires of many radii (Goda et al. 2024)", "gelatin-wires", RADII, (
+        Finding("F/b at r E/G_c = 0.8 over that at 0.4, friction 0.3 that saturates at G", "predicted",
+                "1: below a radius it is constant",
+                lambda found: steady(found[0.125]) / steady(found[0.0625]), 0.9, 1.15),
+        Finding("F/b at r E/G_c = 6.7 over that at 3.4", "predicted", "above it grows in proportion",
+                lambda found: steady(found[1.0]) / steady(found[0.5]), 1.2, 2.0),
+    )),
     Experiment("edges without friction in PDMS (Zhang & Hutchens 2021)", "razor-pdms", RAZORS, (
-        Finding("cutting energy at r E/G_c = 0.5, J/m²", "verified", "132.9 ± 3.4",
-                lambda found: 1e3 * steady(found[0.1]), 129.5, 136.3, 4),
-        Finding("the same at r E/G_c = 1, J/m²", "verified", "flat below r ≈ G_c/E",
+        Finding("cutting energy at r E/G_c = 1, J/m²", "verified", "132.9 ± 3.4",
                 lambda found: 1e3 * steady(found[0.2]), 129.5, 136.3, 4),
+        Finding("the same at r E/G_c = 3.5, J/m²", "verified", "flat below r ≈ G_c/E",
+                lambda found: 1e3 * steady(found[0.7]), 129.5, 136.3, 4),
+    )),
+    Experiment("pet food by a blade (Skamniotis et al. 2016)", "razor-pdms", RAZORS, (
+        Finding("cutting energy over the toughness, without friction", "predicted",
+                "0.83, 1.30, 1.21 at 5, 10, 30 mm/s, of toughness measured apart",
+                lambda found: steady(found[0.2]) / found[0.2].case.p.G_c, 0.8, 1.3),
     )),
     Experiment("blades of different edges (McCarthy et al. 2007, 2010)", "blade-edges", EDGES, (
         Finding("depth of onset: exponent over the edge's radius", "predicted", "above 0: blunter, deeper",

@@ -80,7 +80,7 @@ def all_of_them(axes: Axes, found: Mapping[str, Mapping[object, Result]]) -> Non
     """F/(b G_c) over r E/G_c of what ends in steady cutting, an experiment a symbol."""
     for k, (title, results) in enumerate(found.items()):
         points = [(sharpness(r), steady(r) / r.case.p.G_c) for r in results.values()]
-        axes.loglog(*np.array(points).T, "osD^v<"[k], ms=4, color=ORDER[k], label=title)
+        axes.loglog(*np.array(points).T, "osD^v<>p"[k], ms=4, color=ORDER[k % len(ORDER)], label=title)
     axes.axhline(1, color=GREY, lw=0.8, zorder=0)
     axes.set(xlabel="r E/G_c", ylabel="F/(b G_c) in steady cutting")
     axes.legend(frameon=False, fontsize=6)

@@ -16,7 +16,13 @@ class Coulomb(Blade):
     role = "friction"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter.effect(
-            "mu", "1", "μ", "friction coefficient", typical=0.2, trial=("with a lubricated blade", 0.1)
+            "mu",
+            "1",
+            "μ",
+            "friction coefficient",
+            typical=0.2,
+            trial=("with a lubricated blade", 0.1),
+            unmeasured=(0.5, 2.0),
         ),
     )
     standard = published = True
