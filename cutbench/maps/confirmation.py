@@ -92,10 +92,10 @@ class Confirmed:
 def least_certain(data: xr.Dataset, count: int) -> list[MapPoint]:
     """The ``count`` runs of a map that lie nearest to the boundary by their own measures, nearest first."""
     labels = data["label"].values
-    known = np.isin(labels, [maps.LABELS.index(name) for name in (SMOOTH, ABRUPT, UNDECIDED)])
+    decided = np.isin(labels, [maps.LABELS.index(name) for name in (SMOOTH, ABRUPT, UNDECIDED)])
     near = margins_of(data)
     places = maps.places_of(data)
-    distance = np.where(known & np.isfinite(near), np.abs(near), np.inf).ravel()
+    distance = np.where(decided & np.isfinite(near), np.abs(near), np.inf).ravel()
     order = np.argsort(distance, kind="stable")[:count]
     points = []
     for i in order[np.isfinite(distance[order])]:
@@ -247,10 +247,10 @@ def _compared(data: xr.Dataset, point: MapPoint, flat: Result, like: Result, blo
     labels, numbers = zip(*map(maps.regime_of(data).of, results), strict=True)
     two, same, three = ({name: each[name] for name in COMPARED} for each in numbers)
     ratio = {name: three[name] / same[name] if same[name] else math.nan for name in COMPARED}
-    known = [label if r.outcome.done else None for label, r in zip(labels, results, strict=True)]
+    ended = [label if r.outcome.done else None for label, r in zip(labels, results, strict=True)]
     return Confirmed(
         point.name, dict(point.at), point.margin, flat.id, like.id, block.id,
         flat.outcome.kind, like.outcome.kind, block.outcome.kind,
-        known[0], known[1], known[2], two, same, three, ratio,
+        ended[0], ended[1], ended[2], two, same, three, ratio,
         block.timings.get("total", math.nan),
     )  # fmt: skip

@@ -11,7 +11,6 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 import xarray as xr
@@ -129,16 +128,6 @@ class Guide:
         return "\n".join(lines)
 
 
-class Reader(Protocol):
-    """Knows margins between runs, by place."""
-
-    def place(self, case: Case) -> dict[str, float] | None:
-        """Where a case is; None where nothing is known of it."""
-
-    def margin(self, at: list[dict[str, float]]) -> tuple[np.ndarray, np.ndarray]:
-        """Margin and its standard deviation (n,) at places; nan where nothing is cut."""
-
-
 class AtlasReader:
     """The runs that the package brings along as a function of place, by group."""
 
@@ -153,12 +142,14 @@ class AtlasReader:
         return dict(zip([side.name for side in self._atlas.space.ranges], values, strict=True))
 
     def place(self, case: Case) -> dict[str, float] | None:
+        """Where a case is; None where nothing is known of it."""
         try:
             return self.of(case)
         except NotInAtlas:
             return None
 
     def margin(self, at: list[dict[str, float]]) -> tuple[np.ndarray, np.ndarray]:
+        """Margin and its standard deviation (n,) at places; nan where nothing is cut."""
         depths = np.full(len(at), self._depth)
         estimates = self._atlas.measures(np.array([list(place.values()) for place in at]), depths)
         mean, score, _ = margins_by_atlas(estimates, ABRUPT_DROP)
@@ -190,6 +181,7 @@ class MapReader:
         self._between = margins_between(x, limited_slope(x, y))
 
     def place(self, case: Case) -> dict[str, float] | None:
+        """Where a case is; None off the map."""
         at, _ = values_on(self.axes, case)
         return at if self.inside(at) else None
 
@@ -202,8 +194,12 @@ class MapReader:
         return np.stack([self._of[axis.name](at[axis.name]) for axis in self.free], axis=1)
 
     def margin(self, at: list[dict[str, float]]) -> tuple[np.ndarray, np.ndarray]:
+        """Margin and its standard deviation (n,) at places."""
         x = self._coordinates({axis.name: np.array([p[axis.name] for p in at]) for axis in self.free})
         return self._between.mean(x), self._between.spread(x)
+
+
+Reader = AtlasReader | MapReader
 
 
 def margins_of(data: xr.Dataset) -> np.ndarray:

@@ -54,14 +54,18 @@ def own_of(data: xr.Dataset, name: str) -> OwnRun | None:
     return OwnRun(float(at["mark_drop_rel"]), LABELS[int(at["mark_label"])], differs)
 
 
+def _within(data: xr.Dataset, at: Mapping[str, float], x: str, y: str) -> bool:
+    """Whether a place lies on the cells of the drawn axes."""
+    ends = {name: edges(data[name].values, is_log(data[name])) for name in (x, y) if name}
+    return all(e[0] <= at[name] <= e[-1] for name, e in ends.items())
+
+
 def marks_of(data: xr.Dataset, x: str, y: str, panel: str) -> tuple[list[dict], list[str]]:
     """The materials of the study, each on the panel of the nearest level; and those outside the axes."""
     inside: list[dict] = []
     outside: list[str] = []
     for mark in json.loads(data.attrs["marks"]):
-        ranges = [edges(data[n].values, is_log(data[n])) for n in (x, y) if n]
-        here = [mark[n] for n in (x, y) if n]
-        if not all(e[0] <= v <= e[-1] for e, v in zip(ranges, here, strict=True)):
+        if not _within(data, mark, x, y):
             outside.append(mark["name"])
             continue
         level, text = 0, ""
@@ -95,12 +99,16 @@ def _height(mark: Mapping, y: str, part: xr.Dataset) -> float:
     return mark[y] if y else own.drop_rel if own and own.done else part.attrs["drop_threshold"]
 
 
+def _filled(own: OwnRun | None, top: float) -> Look:
+    """A diamond, filled as the cells are where the material's own run is done."""
+    return _MATERIAL | {"mfc": DROP_COLOURS(own.drop_rel / top)} if own and own.done else _MATERIAL
+
+
 def draw_materials(ax: Axes, marks: Sequence[Mapping], x: str, y: str, part: xr.Dataset, top: float) -> None:
     """Diamonds, filled as the cells are, up to the drop ``top``, where the material's own run is done."""
     for mark in marks:
-        own = mark["own"]
-        fill = {"mfc": DROP_COLOURS(own.drop_rel / top)} if own and own.done else {}
-        ax.plot([mark[x]], [_height(mark, y, part)], zorder=6, clip_on=False, **(_MATERIAL | fill))
+        look = _filled(mark["own"], top)
+        ax.plot([mark[x]], [_height(mark, y, part)], zorder=6, clip_on=False, **look)
 
 
 def label_materials(
@@ -144,10 +152,9 @@ def material_handles(marks: Sequence[Mapping], top: float) -> list[Line2D]:
     handles = [Line2D([], [], label="material, own run" if runs else "material", **_MATERIAL)]
     for mark in marks:
         if (own := mark["own"]) and own.differs:
-            fill = {"mfc": DROP_COLOURS(own.drop_rel / top)} if own.done else {}
             said = f": {own.label}" if own.done else ""
             label = f"{mark['name']} ({set_subscripts(own.differs)}){said}"
-            handles.append(Line2D([], [], label=label, **(_MATERIAL | fill)))
+            handles.append(Line2D([], [], label=label, **_filled(own, top)))
     return handles
 
 
@@ -210,9 +217,7 @@ def draw_confirmed(
     name, level, levels = panel
     for point in points:
         at = point["at"]
-        ranges = {n: edges(part[n].values, is_log(part[n])) for n in (x, y) if n}
-        inside = all(e[0] <= at[n] <= e[-1] for n, e in ranges.items())
-        if not inside or (name and nearest_level(at[name], levels.values) != level):
+        if not _within(part, at, x, y) or (name and nearest_level(at[name], levels.values) != level):
             continue
         look = {key: value for key, value in _VERDICTS[point["verdict"]].items() if key != "label"}
         place = at[y] if y else point["drop_rel"]

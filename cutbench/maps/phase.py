@@ -457,9 +457,9 @@ def strip_handles(data: xr.Dataset) -> list[Patch]:
 
 def _fill(z: np.ndarray) -> np.ndarray:
     """``z`` with its gaps interpolated along the grid; those outside the known points stay nan."""
-    known = np.isfinite(z)
+    finite = np.isfinite(z)
     try:
-        filled = griddata(np.argwhere(known), z[known], tuple(np.indices(z.shape)), method="linear")
+        filled = griddata(np.argwhere(finite), z[finite], tuple(np.indices(z.shape)), method="linear")
     except QhullError:  # too few points, or all on a line
         return z
-    return np.where(known, z, filled)
+    return np.where(finite, z, filled)

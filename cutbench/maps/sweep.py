@@ -20,7 +20,7 @@ import numpy as np
 import xarray as xr
 
 from cutbench.base.errors import BadInput, ComputationFailed
-from cutbench.base.files import folder_lock
+from cutbench.base.files import check_writable, folder_lock
 from cutbench.base.notebook import watched
 from cutbench.base.progress import OnProgress, silent
 from cutbench.case.case import Case
@@ -176,11 +176,7 @@ def run_study(
     (True, {'uncut': 2})
     """
     study = study if isinstance(study, Study) else load_study(Path(study))
-    out = Path(out)
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise BadInput("out", str(out), f"a folder that can be written ({error.strerror})") from error
+    out = check_writable(Path(out))
     sweep = _Sweep(study, out, Store(store or out / "runs"), run, on_progress, retry_failed)
     sweep.pace, sweep.pictures = (first_picture_s, picture_every_s), pictures
     for folder in map(Path, also):

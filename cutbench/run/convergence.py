@@ -133,8 +133,7 @@ def load_plan(path: str | Path) -> ConvergencePlan:
 
 def _change(section: Mapping[str, Any], materials: Sequence[str]) -> NumericalChange:
     name, kind = (each.of(section) for each in _CHANGE)
-    some = Entry("materials", default=(), choices=materials, count=(0, math.inf))
-    only = some.of(section)
+    only = Entry("materials", default=(), choices=materials, count=(0, math.inf)).of(section)
     values = {key: raw for key, raw in section.items() if key not in ("name", "kind", "materials")}
     require(values, name, "(empty)", "something that it sets")
     return NumericalChange(name, kind == "refinement", values, only)

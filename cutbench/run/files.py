@@ -115,10 +115,10 @@ def write_curve(curve: Mapping[str, np.ndarray], path: str | Path, names: Sequen
 
 def _slopes(result: Result) -> dict[str, np.ndarray]:
     """Travel, and dF/dθ in N per unit of each parameter as a person writes it."""
-    known = result.case.model.parameters()
+    parameters = result.case.model.parameters()
     columns = {"displacement_mm": result.displacement_mm}
     for name, slope in result.sensitivities.items():
-        q = known[name]
+        q = parameters[name]
         unit = "" if q.unit == "1" else "_per_" + q.unit.replace("/", "_per_").replace("^", "")
         columns[f"dF_d{name}_N{unit}"] = slope * q.factor
     return columns

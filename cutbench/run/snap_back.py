@@ -249,8 +249,8 @@ def _jump(curve: Mapping[str, np.ndarray], first: int, last: int, landed: bool) 
     released = curve["released"] > 0
     inside = np.flatnonzero(released[: last + 1])
     inside = inside[inside > first]
-    known = np.flatnonzero(np.isfinite(soft))
-    before, after = known[known < first], known[(known >= first) & (known < last)]
+    computed = np.flatnonzero(np.isfinite(soft))
+    before, after = computed[computed < first], computed[(computed >= first) & (computed < last)]
     spent = {n[5:-3]: at(v) - float(v[first]) for n, v in curve.items() if n.startswith("work_")}
     return Jump(
         travel_mm=float(d[first]),
@@ -355,8 +355,8 @@ def describe_followed(followed: SnapBack) -> dict[str, object]:
     jump = followed.jump
 
     def plain(one: Jump) -> dict[str, object]:
-        known = {k: v for k, v in vars(one).items() if k not in ("first", "last")}
-        return known | {"drop_rel": one.drop_rel}
+        of_jump = {k: v for k, v in vars(one).items() if k not in ("first", "last")}
+        return of_jump | {"drop_rel": one.drop_rel}
 
     return {
         "schema": 1,
@@ -437,9 +437,9 @@ def _forces(axes: Axes, followed: SnapBack) -> None:
 
 
 def _eigenvalue(axes: Axes, path: Mapping[str, np.ndarray], jump: Jump | None) -> None:
-    known = np.isfinite(path["softest"])
+    finite = np.isfinite(path["softest"])
     axes.axhline(0, color=GREY, lw=0.6)
-    length, softest = path["cut_length_mm"][known], path["softest"][known]
+    length, softest = path["cut_length_mm"][finite], path["softest"][finite]
     axes.plot(length, softest, color=COLOURS["blue"], ls="-", marker=".", ms=3)
     if jump is not None:
         axes.axvline(float(path["cut_length_mm"][jump.first]), color=COLOURS["vermilion"], ls="--", lw=0.9)
