@@ -33,7 +33,7 @@ from cutbench.data.experiment import HOMOGENEOUS
 from cutbench.discovery.candidates import family_of
 from cutbench.homogeneous import LoadingHistory, respond
 from cutbench.homogeneous.stretching import nominal_stress
-from cutbench.run.read_off import READ_OFF, ForceCurve
+from cutbench.run.measures import READ_OFF, ForceCurve
 from cutbench.run.runner import run_case
 
 Run = Callable[[Case], Any]

@@ -23,8 +23,7 @@ from benchmarks.tools import check_json, facts, here
 from cutbench.base.errors import BadInput
 from cutbench.base.files import write_json
 from cutbench.maps.axes import Axis
-from cutbench.maps.dataset import LABELS, axes_of, axis_of, load_map, places_of, regime_of, row_of
-from cutbench.maps.map_cases import case_on
+from cutbench.maps.dataset import LABELS, axes_of, axis_of, case_on, load_map, places_of, regime_of, row_of
 from cutbench.maps.uncertainty import refined
 from cutbench.run.cutting import run2d
 from cutbench.run.measures import ABRUPT, SMOOTH

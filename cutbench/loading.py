@@ -13,7 +13,7 @@ from cutbench.base.errors import BadInput
 from cutbench.base.toml import read_toml
 from cutbench.case.case import Case, known_materials, load_case
 from cutbench.data.campaign import Campaign, load_campaign
-from cutbench.maps.map import Map
+from cutbench.maps.map_folder import Map
 from cutbench.maps.study import Study, load_study
 from cutbench.run.files import read_run
 from cutbench.run.result import Result

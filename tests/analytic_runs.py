@@ -11,8 +11,7 @@ import time
 
 import numpy as np
 
-from cutbench.run.outcome import Outcome
-from cutbench.run.result import Result
+from cutbench.run.result import Outcome, Result
 
 #: Axes of a study: 24 points, both regimes among them.
 AXES = """[[axis]]

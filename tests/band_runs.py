@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 from analytic_runs import note
 
-from cutbench.run.outcome import Outcome
-from cutbench.run.result import Result
+from cutbench.run.result import Outcome, Result
 
 
 def leaving_open(case) -> Result:

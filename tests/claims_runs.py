@@ -6,8 +6,7 @@ import os
 
 import numpy as np
 
-from cutbench.run.outcome import Outcome
-from cutbench.run.result import Result
+from cutbench.run.result import Outcome, Result
 from studies.paper.observed import COLUMNS
 
 

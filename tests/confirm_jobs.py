@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from cutbench.run.files import write_run
-from cutbench.run.outcome import Outcome
-from cutbench.run.result import Result
+from cutbench.run.result import Outcome, Result
 
 
 def left(case, folder):

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cutbench.run.outcome import Outcome
-from cutbench.run.result import Result
+from cutbench.run.result import Outcome, Result
 
 
 def converging(case) -> Result:

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from skfem import MeshTri
 
-from cutbench.run.outcome import Outcome
-from cutbench.run.result import Result, Snapshot
+from cutbench.run.result import Outcome, Result, Snapshot
 
 
 def made_up_curve(n=600, depth=21.0, seed=1):

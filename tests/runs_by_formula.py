@@ -17,8 +17,7 @@ import numpy as np
 from cutbench.calibration.cut_runs import COURSE, ComputedCut
 from cutbench.case.case import Case
 from cutbench.case.model import Model
-from cutbench.run.outcome import Outcome
-from cutbench.run.result import Result
+from cutbench.run.result import Outcome, Result
 from cutbench.run.store.runs import Store
 
 #: Parts of a run's beginning and of its force that jag.

@@ -23,14 +23,13 @@ from cutbench.maps.confirmation import (
     marked_points,
     section_as_block,
 )
-from cutbench.maps.confirmed_points import FOLDER, RECORD, read_confirmed
 from cutbench.maps.dataset import MapRow, build_map, save_map
+from cutbench.maps.markers import FOLDER, RECORD, read_confirmed
 from cutbench.maps.phase import draw_phase, save_phase
 from cutbench.maps.study import load_study
 from cutbench.run.block_cost import expected_seconds
 from cutbench.run.files import write_run
-from cutbench.run.outcome import Outcome
-from cutbench.run.result import Result
+from cutbench.run.result import Outcome, Result
 
 STUDY = """
 title = "small"

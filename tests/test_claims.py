@@ -16,8 +16,7 @@ import pytest
 
 from cutbench.case.case import load_case
 from cutbench.case.numerics import Numerics
-from cutbench.run.outcome import Outcome
-from cutbench.run.result import Result, Snapshot
+from cutbench.run.result import Outcome, Result, Snapshot
 from cutbench.run.store.runs import Store
 from studies.paper import cases as cases_of_claims
 from studies.paper import claims

@@ -14,8 +14,7 @@ from typer.testing import CliRunner
 
 from cutbench.base.errors import ComputationFailed
 from cutbench.cli.main import app
-from cutbench.run.outcome import Outcome
-from cutbench.run.result import Result
+from cutbench.run.result import Outcome, Result
 
 
 def invoke(*args: object):

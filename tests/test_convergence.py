@@ -14,8 +14,15 @@ from typer.testing import CliRunner
 
 from cutbench.base.errors import BadInput
 from cutbench.cli.main import app
-from cutbench.run.convergence import COMPARED, compute, load_plan, relative_changes
-from cutbench.run.convergence_report import markdown, plot_convergence, write
+from cutbench.run.convergence import (
+    COMPARED,
+    compute,
+    load_plan,
+    markdown,
+    plot_convergence,
+    relative_changes,
+    write,
+)
 
 STUDY = """materials = ["gelatin", "meat"]
 

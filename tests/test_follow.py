@@ -25,8 +25,7 @@ from cutbench.forms.cut import CutForm
 from cutbench.forms.damping import DampingForm
 from cutbench.forms.space import Space
 from cutbench.mechanisms import registry
-from cutbench.run.outcome import Outcome
-from cutbench.run.result import Result
+from cutbench.run.result import Outcome, Result
 from cutbench.run.snap_back import (
     INTERRUPTED,
     MESH,
@@ -35,12 +34,13 @@ from cutbench.run.snap_back import (
     STABLE,
     SnapBack,
     as_seen_by_advancing_blade,
+    describe_followed,
     jumps_of,
     rate_independent_case,
+    sentence,
     trace_path,
     viscosity_limit_cases,
 )
-from cutbench.run.snap_back_report import describe_followed, sentence
 from cutbench.solver.arc_length import Path
 from cutbench.solver.problem import Problem
 from cutbench.solver.stability import lowest_eigenvalue

@@ -9,8 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from cutbench.cli.main import app
-from cutbench.maps.forecast import forecast
-from cutbench.maps.sampling_plan import plan_of
+from cutbench.maps.sampling_plan import forecast, plan_of
 from cutbench.maps.study import load_study
 from cutbench.maps.sweep import run_study
 from cutbench.run.store.runs import Store

@@ -17,9 +17,9 @@ from cutbench.base.errors import BadInput
 from cutbench.case.case import load_case
 from cutbench.cli.main import app
 from cutbench.run.blade_geometry import blade_mesh
+from cutbench.run.fields import Frames
 from cutbench.run.figures.motion import save_frames
 from cutbench.run.files import write_run
-from cutbench.run.frames import Frames
 from cutbench.run.result import Snapshot
 from cutbench.run.runner import run_case
 

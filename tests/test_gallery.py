@@ -7,8 +7,7 @@ import tomllib
 import numpy as np
 import pytest
 
-from cutbench.run.outcome import Outcome
-from cutbench.run.result import Result
+from cutbench.run.result import Outcome, Result
 from studies.gallery.__main__ import judged, record
 from studies.gallery.experiments import EXPERIMENTS, G_C, WIRES_MM
 from studies.gallery.picture import pictures

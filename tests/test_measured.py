@@ -22,8 +22,8 @@ from cutbench.case.model import Model
 from cutbench.cli.main import app
 from cutbench.data.campaign import load_campaign
 from cutbench.data.measures import Measure
+from cutbench.run.measures import READ_OFF, ForceCurve
 from cutbench.run.pool.pool import TaskPool
-from cutbench.run.read_off import READ_OFF, ForceCurve
 
 HEAD = """
 title = "of the literature"

@@ -12,7 +12,7 @@ from cutbench.case.case import load_case
 from cutbench.run.build import build, geometry_of
 from cutbench.run.checkpoint import Checkpoint
 from cutbench.run.front import MIDDLE, Front, Middle
-from cutbench.run.outcome import Outcome, run_sentence
+from cutbench.run.result import Outcome, run_sentence
 from cutbench.run.runner import run_case
 
 SMALL = {

@@ -16,8 +16,8 @@ from cutbench.case.case import Case, load_case
 from cutbench.case.motion import Motion, read_motion, simplified
 from cutbench.discovery import discover
 from cutbench.run.checkpoint import Checkpoint
-from cutbench.run.outcome import Outcome
 from cutbench.run.pool.pool import TaskPool
+from cutbench.run.result import Outcome
 from cutbench.run.runner import run_case
 from cutbench.run.sensitivity import extended
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import cutbench
 from cutbench.case.model import DEFAULT, PAPER, groups, levers, tools
 from cutbench.mechanisms import registry
-from cutbench.mechanisms.specimen_and_protocol import PROTOCOL, SPECIMEN
+from cutbench.mechanisms.base import PROTOCOL, SPECIMEN
 
 ROOT = Path(cutbench.__file__).parent
 #: Reference problems and published claims are of certain laws, and so is the atlas.

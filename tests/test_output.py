@@ -18,9 +18,8 @@ from cutbench.base.errors import BadInput
 from cutbench.base.files import check_writable, replacing
 from cutbench.case.case import load_case
 from cutbench.run.files import describe, read_curve, read_run, write_curve, write_run
-from cutbench.run.outcome import Outcome
 from cutbench.run.paraview import write_fields
-from cutbench.run.result import ledger_entries, ordered_columns
+from cutbench.run.result import Outcome, ledger_entries, ordered_columns
 
 
 @pytest.fixture(scope="module")

@@ -16,8 +16,7 @@ from cutbench.case.case import load_case
 from cutbench.maps.axes import Axis
 from cutbench.maps.dataset import load_map
 from cutbench.maps.page import CURVE_TOLERANCE, REST, contents, curve_of, page, refined, thinned
-from cutbench.run.outcome import Outcome
-from cutbench.run.result import Result
+from cutbench.run.result import Outcome, Result
 from cutbench.run.store.runs import Store
 
 

@@ -30,8 +30,7 @@ from cutbench.maps.sampling_plan import plan_of
 from cutbench.maps.study import load_study
 from cutbench.maps.sweep import run_study
 from cutbench.run.measures import FRONT
-from cutbench.run.outcome import Outcome
-from cutbench.run.result import Result
+from cutbench.run.result import Outcome, Result
 
 LIMIT = 5.0
 STUDY = f"""base = "gelatin"

@@ -15,8 +15,7 @@ from cutbench.run.blade_geometry import blade_outline
 from cutbench.run.figures import plot_curve, plot_section, save
 from cutbench.run.figures.curve import look_of, smooth_force
 from cutbench.run.figures.section import split
-from cutbench.run.outcome import Outcome
-from cutbench.run.result import Result
+from cutbench.run.result import Outcome, Result
 
 
 @pytest.fixture(scope="module")

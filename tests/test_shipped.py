@@ -15,9 +15,8 @@ from typer.testing import CliRunner
 
 import cutbench
 from cutbench.cli.main import app
-from cutbench.maps.confirmed_points import RECORD, handles_of, read_confirmed
-from cutbench.maps.dataset import load_map
-from cutbench.maps.map_cases import other_writer
+from cutbench.maps.dataset import load_map, other_writer
+from cutbench.maps.markers import RECORD, confirmed_handles, read_confirmed
 from cutbench.maps.study import load_study
 from cutbench.run.convergence import load_plan
 
@@ -122,7 +121,7 @@ def test_points_in_three_dimensions_lie_on_their_map_and_are_drawn_in_it(path, t
     shutil.copytree(folder, tmp_path / "map")
     said("plot", tmp_path / "map")
     drawn = (tmp_path / "map" / "phase.svg").read_text(encoding="utf-8")
-    assert all(handle.get_label() in drawn for handle in handles_of({p["verdict"] for p in points}))
+    assert all(handle.get_label() in drawn for handle in confirmed_handles({p["verdict"] for p in points}))
 
 
 # -- studies, campaigns, materials -----------------------------------------------------------------------

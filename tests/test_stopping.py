@@ -18,8 +18,7 @@ from cutbench.maps.study import load_study
 from cutbench.run.checkpoint import NAME, Checkpoint
 from cutbench.run.files import describe, read_run, write_run
 from cutbench.run.measures import KNOWN, measures
-from cutbench.run.outcome import Outcome
-from cutbench.run.result import Result
+from cutbench.run.result import Outcome, Result
 from cutbench.run.runner import run_case
 
 #: Cut in the first millimetre, five thicknesses before its depth, so that both ends are seen.

@@ -14,7 +14,7 @@ from analytic_runs import fake_run
 from refusals import refused
 
 from cutbench.case.case import load_case
-from cutbench.run.outcome import Outcome
+from cutbench.run.result import Outcome
 from cutbench.run.store.runs import Store
 
 

@@ -23,9 +23,8 @@ from rich.console import Console
 
 from cutbench.cli.progress import bar
 from cutbench.maps.atlas_map import write_estimated
-from cutbench.maps.dataset import LABELS, load_map
-from cutbench.maps.forecast import forecast
-from cutbench.maps.map_cases import case_on
+from cutbench.maps.dataset import LABELS, case_on, load_map
+from cutbench.maps.sampling_plan import forecast
 from cutbench.maps.study import load_study
 from cutbench.maps.sweep import run_study
 from cutbench.run.store.runs import Store

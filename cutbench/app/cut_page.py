@@ -8,10 +8,10 @@ import numpy as np
 from nicegui import events, ui
 
 from cutbench.app import case_choices, drawings
-from cutbench.app.bench import Bench, JobWatch, alert, choice, refusals, upload
 from cutbench.app.case_choices import Choice, Slider
 from cutbench.app.drawings import Curve
 from cutbench.app.jobs import RUNNING, Job
+from cutbench.app.page_parts import Bench, JobWatch, alert, choice, refusals, upload
 from cutbench.app.tasks import SECTION, run
 from cutbench.base.errors import BadInput
 from cutbench.base.greek import plain_formula, subscripted

@@ -8,7 +8,6 @@ from pathlib import Path
 
 from nicegui import ui
 
-from cutbench.app.bench import Bench, JobWatch, alert, choice, refusals, upload
 from cutbench.app.campaigns import (
     KINDS,
     ROLES,
@@ -20,6 +19,7 @@ from cutbench.app.campaigns import (
 )
 from cutbench.app.case_choices import Choice, blades, materials
 from cutbench.app.jobs import Job
+from cutbench.app.page_parts import Bench, JobWatch, alert, choice, refusals, upload
 from cutbench.app.tasks import run_discovery, run_fit
 from cutbench.base.figure_style import svg_of
 from cutbench.case.case import Case

@@ -6,9 +6,9 @@ from pathlib import Path
 
 from nicegui import ui
 
-from cutbench.app.bench import Bench, JobWatch, alert, choice, refusals, upload
 from cutbench.app.cut_page import CutPage
 from cutbench.app.jobs import RUNNING, Job
+from cutbench.app.page_parts import Bench, JobWatch, alert, choice, refusals, upload
 from cutbench.app.studies import ESTIMATE, WAYS, axis_choices, keep_study, write_study
 from cutbench.app.tasks import estimate_map, run_map
 from cutbench.base.errors import BadInput

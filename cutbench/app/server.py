@@ -21,11 +21,11 @@ from starlette.responses import Response as Answer
 from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from cutbench.app.bench import Bench
 from cutbench.app.case_choices import Choice
 from cutbench.app.cut_page import CutPage
 from cutbench.app.data_page import DataPage
 from cutbench.app.maps_page import MapsPage
+from cutbench.app.page_parts import Bench
 from cutbench.base.errors import BadInput
 from cutbench.base.files import check_writable
 from cutbench.base.report import packaged_text

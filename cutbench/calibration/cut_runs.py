@@ -24,9 +24,8 @@ from cutbench.case.case import Case
 from cutbench.data.experiment import Experiment
 from cutbench.data.field_comparison import at_travel, sample, sampled_slopes
 from cutbench.emulator import RunDatabase
-from cutbench.run.outcome import Outcome
 from cutbench.run.pool.pool import Job, TaskPool
-from cutbench.run.result import Result
+from cutbench.run.result import Outcome, Result
 from cutbench.run.runner import run_case
 from cutbench.run.sensitivity import Added
 from cutbench.run.store.runs import Store

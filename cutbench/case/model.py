@@ -17,9 +17,8 @@ from cutbench.base.errors import BadInput, require
 from cutbench.base.toml import among, one_of
 from cutbench.base.units import Parameter
 from cutbench.mechanisms import Group, Mechanism, Tool, Volumetric, registry
-from cutbench.mechanisms.base import MODULUS, Bulk, Rig
+from cutbench.mechanisms.base import MODULUS, PROTOCOL, SPECIMEN, Bulk, Rig
 from cutbench.mechanisms.own_laws import folders_of, take_up
-from cutbench.mechanisms.specimen_and_protocol import PROTOCOL, SPECIMEN
 
 
 def _built_in(flag: str) -> tuple[str, ...]:

@@ -26,8 +26,7 @@ if TYPE_CHECKING:
     from cutbench.base.progress import Pace
     from cutbench.case.case import Case
     from cutbench.case.group_ranges import UntypicalGroup
-    from cutbench.run.outcome import Outcome
-    from cutbench.run.result import Result
+    from cutbench.run.result import Outcome, Result
 
 #: What the command that runs holds until it ends.
 _locks: ContextVar[ExitStack] = ContextVar("held")
@@ -262,7 +261,7 @@ def run_options(*, dim: int) -> Callable[[Callable], Callable]:
             **own: object,
         ) -> None:
             from cutbench.base.errors import BadInput
-            from cutbench.run.frames import checked_frames
+            from cutbench.run.fields import checked_frames
 
             every_s = seconds("--checkpoint", checkpoint, 60.0)
             count = checked_frames(frames)

@@ -21,7 +21,7 @@ import numpy as np
 from cutbench.base.errors import BadInput, require
 from cutbench.base.toml import nearest
 from cutbench.base.unit_spelling import COMMON, exactly, is_unit, size_of
-from cutbench.run.read_off import READ_OFF
+from cutbench.run.measures import READ_OFF
 
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 _COMMA_NUMBER = re.compile(r"[+-]?(\d+,?\d*|,\d+)([eE][+-]?\d+)?")

@@ -23,7 +23,7 @@ from cutbench.data.experiment import Experiment
 from cutbench.data.experiment_section import section_of
 from cutbench.data.repetition import Averaged, Repetition
 from cutbench.data.table import read_table
-from cutbench.run.read_off import READ_OFF, ForceCurve
+from cutbench.run.measures import READ_OFF, ForceCurve
 
 #: Fewest specimens whose scatter says how well their mean is known.
 SPECIMENS = 4

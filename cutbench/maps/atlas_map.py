@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +21,9 @@ from cutbench.maps.axes import BOUNDARY
 from cutbench.maps.boundary import (
     NORMAL_QUANTILE,
     BoundaryEstimate,
+    Index,
     distance_to_boundary,
+    levels_of,
     margins_by_atlas,
     spread_of,
 )
@@ -36,38 +40,25 @@ ESTIMATED = "estimated"
 
 
 def estimated_map(study: Study) -> xr.Dataset:
-    """What the runs of a study would give.
-
-    Parameters
-    ----------
-    study : Study
-        The study; a boundary that is sought, or points.
-
-    Returns
-    -------
-    Dataset
-        A map like that of runs, in which no point has one.
-
-    Raises
-    ------
-    NotInAtlas
-        If a part of it lies outside the atlas.
-    """
+    """What the runs of a study would give: a map like that of runs, in which no point has one. Raises
+    NotInAtlas if a part of it lies outside the atlas."""
     if study.regime.surge_min is not None:
         line = line_of(study.text, "surge", "regime")
         expected = "none where a map is estimated: the atlas knows drops alone"
         raise BadInput("surge", study.regime.surge_min, expected, file=str(study.path), line=line)
-    known = shipped()
-    rows = _rows(known, [mark.case for mark in study.marks() if _inside(known, mark.case)], study)
+    atlas, rows = shipped(), dict[str, MapRow]()
+    for mark in study.marks():
+        with suppress(NotInAtlas):
+            rows |= _rows(atlas, [mark.case], study)
     if study.mode != BOUNDARY:
-        return build_map(study, rows | _rows(known, [case for _, case in study.points()], study))
+        return build_map(study, rows | _rows(atlas, [case for _, case in study.points()], study))
     margins, drops = {}, np.full(study.shape, math.nan)
     labels = np.zeros(study.shape, dtype=np.int8)
-    for chosen, where, level in _levels(known, study):
+    for chosen, where, level in _levels(atlas, study):
         margins[chosen], drops[where], labels[where] = level
-    made = build_map(study, rows, {}, margins)
-    made["drop_rel"].values[...], made["label"].values[...] = drops, labels
-    return made
+    data = build_map(study, rows, {}, margins)
+    data["drop_rel"].values[...], data["label"].values[...] = drops, labels
+    return data
 
 
 def expected_margins(study: Study) -> dict[tuple[int, ...], BoundaryEstimate]:
@@ -94,27 +85,15 @@ def expected_drops(study: Study) -> np.ndarray | None:
 
 def _speaks_of(study: Study) -> bool:
     """Whether the atlas has the study's measure and its numerics."""
-    known, own = shipped(), study.base.to_dict()["numerics"]
+    atlas, own = shipped(), study.base.to_dict()["numerics"]
     # A choice that cutbench has had since stands at its default in the atlas.
-    theirs = known.space.base.to_dict()["numerics"] | known.about["numerics"]
+    theirs = atlas.space.base.to_dict()["numerics"] | atlas.about["numerics"]
     return study.regime.surge_min is None and own == theirs
 
 
 def under_way(data: xr.Dataset, drops: np.ndarray | None) -> xr.Dataset:
-    """A map with what is expected where no run has ended, for pictures; they say that it is estimated.
-
-    Parameters
-    ----------
-    data : Dataset
-        The map as far as there are runs.
-    drops : ndarray, optional
-        What ``expected_drops`` gives.
-
-    Returns
-    -------
-    Dataset
-        The same map where nothing is expected.
-    """
+    """A map with what ``expected_drops`` gives where no run has ended, for pictures; they say that it is
+    estimated. The same map where nothing is expected."""
     if drops is None and "drop_rel_expected" not in data:
         return data
     ended = int(((data["outcome"] != 0) & (data["run_id"] != "")).sum())
@@ -126,65 +105,47 @@ def under_way(data: xr.Dataset, drops: np.ndarray | None) -> xr.Dataset:
     return data
 
 
-Where = tuple[slice | int, ...]
 Level = tuple[BoundaryEstimate, np.ndarray, np.ndarray]
 
 
-def _levels(known: Atlas, study: Study) -> Iterator[tuple[tuple[int, ...], Where, Level]]:
-    """Of each combination of levels its indices, where it lies in the map, and what is estimated there."""
-    free = [k for k, axis in enumerate(study.axes) if axis.continuous]
-    levels = [k for k in range(len(study.axes)) if k not in free]
-    for chosen in np.ndindex(*(study.shape[k] for k in levels)):
-        fixed = dict(zip(levels, chosen, strict=True))
-        where = tuple(fixed.get(k, slice(None)) for k in range(len(study.axes)))
-        yield chosen, where, _level(known, study, free, fixed)
+def _levels(atlas: Atlas, study: Study) -> Iterator[tuple[Index, tuple[slice | int, ...], Level]]:
+    """Of each combination of levels its indices, where it lies in the map, and what is estimated there:
+    margins, drops and labels on the lattice of the other axes."""
+    for chosen, where in levels_of(study.axes):
+        shape = [n for n, k in zip(study.shape, where, strict=True) if isinstance(k, slice)]
+        ticks = [np.unique(np.linspace(0, n - 1, PLACES).round().astype(int)) for n in shape]
+        along = iter(ticks)
+        indices = itertools.product(*([k] if isinstance(k, int) else next(along) for k in where))
+        cases = [
+            study.case_at([axis.values[i] for axis, i in zip(study.axes, index, strict=True)])
+            for index in indices
+        ]
+        estimates, depths = _measures(atlas, cases)
+        columns = *margins_by_atlas(estimates, study.regime.drop), estimates.uncut(depths)
+        every = np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1)
+        coarse = [len(t) for t in ticks]
+        mean, score, drop, uncut = (
+            RegularGridInterpolator(ticks, column.reshape(coarse))(every) for column in columns
+        )
+        away = distance_to_boundary(mean >= 0) / 2
+        unsure = (np.abs(score) < NORMAL_QUANTILE) & (away > 1)
+        labels = np.where(mean >= 0, LABELS.index(ABRUPT), LABELS.index(SMOOTH))
+        labels = np.where(uncut > 0.5, LABELS.index(UNCUT), labels)
+        estimate = BoundaryEstimate(mean, spread_of(mean, score), unsure, drop)
+        yield chosen, where, (estimate, np.where(uncut > 0.5, np.nan, drop), labels)
 
 
-def _level(known: Atlas, study: Study, free: Sequence[int], fixed: dict[int, int]) -> Level:
-    """Of one combination of levels: margins, drops and labels on the lattice of the other axes."""
-    shape = [study.shape[k] for k in free]
-    ticks = [np.unique(np.linspace(0, n - 1, PLACES).round().astype(int)) for n in shape]
-    indices = np.stack(np.meshgrid(*ticks, indexing="ij"), axis=-1).reshape(-1, len(free))
-    cases = []
-    for index in indices:
-        at = fixed | dict(zip(free, map(int, index), strict=True))
-        cases.append(study.case_at([axis.values[at[k]] for k, axis in enumerate(study.axes)]))
-    known_there, depths = _measures(known, cases)
-    found = np.stack([*margins_by_atlas(known_there, study.regime.drop), known_there.uncut(depths)], axis=1)
-    every = np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1)
-    coarse = [len(t) for t in ticks]
-    mean, score, drop, uncut = (
-        RegularGridInterpolator(ticks, column.reshape(coarse))(every) for column in found.T
-    )
-    spread = spread_of(mean, score)
-    away = distance_to_boundary(mean >= 0) / 2
-    unsure = (np.abs(score) < NORMAL_QUANTILE) & (away > 1)
-    labels = np.where(mean >= 0, LABELS.index(ABRUPT), LABELS.index(SMOOTH))
-    labels = np.where(uncut > 0.5, LABELS.index(UNCUT), labels)
-    return BoundaryEstimate(mean, spread, unsure, drop), np.where(uncut > 0.5, np.nan, drop), labels
-
-
-def _measures(known: Atlas, cases: Sequence[Case]) -> tuple[Measures, np.ndarray]:
+def _measures(atlas: Atlas, cases: Sequence[Case]) -> tuple[Measures, np.ndarray]:
     """Of cases, and their depths (p,) in halves of the blade's thickness. Raises NotInAtlas."""
-    values = np.array([known.values(case) for case in cases])
+    values = np.array([atlas.values(case) for case in cases])
     depths = np.array([depth_of(case) for case in cases])
-    return known.measures(values, depths), depths
+    return atlas.measures(values, depths), depths
 
 
-def _inside(known: Atlas, case: Case) -> bool:
-    try:
-        known.values(case)
-    except NotInAtlas:
-        return False
-    return True
-
-
-def _rows(known: Atlas, cases: Sequence[Case], study: Study) -> dict[str, MapRow]:
+def _rows(atlas: Atlas, cases: Sequence[Case], study: Study) -> dict[str, MapRow]:
     """What a map shows of cases, by id. Raises NotInAtlas."""
-    found: dict[str, MapRow] = {}
-    if not cases:
-        return found
-    m, depths = _measures(known, cases)
+    rows: dict[str, MapRow] = {}
+    m, depths = _measures(atlas, cases)
     drops, uncut = np.clip(m.drop[:, 0], 0.0, 1.0) ** 2, m.uncut(depths) > 0.5
     for case, onset, drop, is_uncut in zip(cases, np.exp(m.onset[:, 0]), drops, uncut, strict=True):
         drop_rel = math.nan if is_uncut else float(drop)
@@ -192,11 +153,11 @@ def _rows(known: Atlas, cases: Sequence[Case], study: Study) -> dict[str, MapRow
             "drop_rel": drop_rel,
             "onset_mm": math.nan if is_uncut else float(onset) * case.values["thickness"] / 2,
         }
-        found[case.id] = MapRow(
+        rows[case.id] = MapRow(
             "done", ESTIMATED, case.values["depth"], label(drop_rel, drop=study.regime.drop),
             {**MapRow().measures, **of_curve},
         )  # fmt: skip
-    return found
+    return rows
 
 
 def write_estimated(study: Study, folder: Path) -> xr.Dataset:
@@ -204,8 +165,8 @@ def write_estimated(study: Study, folder: Path) -> xr.Dataset:
 
     Raises BadInput if a map of runs lies there.
     """
-    there = folder / "map.nc"
-    if there.is_file() and not load_map(there).attrs[ESTIMATE]:
+    earlier = folder / "map.nc"
+    if earlier.is_file() and not load_map(earlier).attrs[ESTIMATE]:
         raise BadInput("out", str(folder), "a folder without a map of runs: an estimate does not replace it")
     folder.mkdir(parents=True, exist_ok=True)
     data = estimated_map(study).assign_attrs({ESTIMATE: "An estimate: no run of its own"})

@@ -11,7 +11,7 @@ any number of machines, and one that was interrupted goes on as it would have.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,7 +19,7 @@ from scipy.ndimage import distance_transform_edt
 
 from cutbench.emulator.atlas import Measures
 from cutbench.emulator.gaussian_process import GaussianProcess, Kernel
-from cutbench.maps.axes import coarse_to_fine
+from cutbench.maps.axes import Axis, coarse_to_fine
 
 #: Two-sided 95 % of a normal distribution: what "sure" means.
 NORMAL_QUANTILE = 1.96
@@ -58,17 +58,26 @@ def margin(
     return np.where(uncut, np.nan, np.tanh(ratio))
 
 
-def margins_by_atlas(known: Measures, drop: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def margins_by_atlas(estimates: Measures, drop: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Margins of what the atlas says, how many standard deviations these are from 0, and its relative
     drops; (p,) each."""
-    falls = np.clip(known.drop[:, 0], 0.01, 1.0) ** 2
+    falls = np.clip(estimates.drop[:, 0], 0.01, 1.0) ** 2
     margins = margin(falls, falls, np.zeros(falls.size, dtype=bool), drop=drop)
-    return margins, known.falls(drop), falls
+    return margins, estimates.falls(drop), falls
 
 
 def spread_of(margins: np.ndarray, score: np.ndarray) -> np.ndarray:
     """Standard deviations of margins that lie ``score`` of them from 0."""
     return np.abs(margins / np.where(score == 0, 1e-9, score))
+
+
+def levels_of(axes: Sequence[Axis]) -> Iterator[tuple[Index, tuple[slice | int, ...]]]:
+    """Of each combination of levels of the axes along which no boundary is sought its indices, and where it
+    lies in an array over all axes."""
+    levels = [k for k, axis in enumerate(axes) if not axis.continuous]
+    for chosen in np.ndindex(*(len(axes[k].values) for k in levels)):
+        fixed = dict(zip(levels, chosen, strict=True))
+        yield chosen, tuple(fixed.get(k, slice(None)) for k in range(len(axes)))
 
 
 @dataclass(frozen=True)
@@ -140,49 +149,38 @@ class BoundarySearch:
         runs: int,
         expected: BoundaryEstimate | None = None,
     ):
-        self.shape, self._start, self._batch, self._runs = shape, start, batch, runs
-        self._before = expected
+        #: ``max_runs`` points are asked for at the most; ``asked`` are those so far, in their order.
+        self.max_runs, self.asked = runs, list[Index]()
+        self.shape, self._start, self._batch, self._before = shape, start, batch, expected
         index = np.stack(np.unravel_index(np.arange(math.prod(shape)), shape), axis=1)
         self._index = index
         self._places = index / (np.array(shape) - 1)
-        coarse = len(index) > _MAX_JUDGED
-        self._judged = np.flatnonzero((index % 2 == 0).all(axis=1)) if coarse else np.arange(len(index))
-        self._step = 2 if coarse else 1
-        self._asked: list[int] = []
-        self._expected: dict[int, bool] = {}
+        self._step = 2 if len(index) > _MAX_JUDGED else 1
+        self._judged = np.flatnonzero((index % self._step == 0).all(axis=1))
+        self._free = np.ones(len(index), dtype=bool)
+        self._expected: dict[Index, bool] = {}
         self._clean = 0
         self._kernel: Kernel | None = None
         self._fitted = 0
 
-    @property
-    def asked(self) -> list[Index]:
-        """All points asked for so far, in their order."""
-        return [tuple(map(int, self._index[i])) for i in self._asked]
-
-    @property
-    def max_runs(self) -> int:
-        """Points that are asked for at the most."""
-        return self._runs
-
     def ask(self, known: Mapping[Index, float]) -> list[Index]:
         """The next runs; none when the boundary is known or the runs are spent."""
-        if not self._asked and self._before is None:
+        if not self.asked and self._before is None:
             ticks = [np.rint(np.linspace(0, n - 1, self._start)).astype(int) for n in self.shape]
             first = np.stack(np.meshgrid(*ticks, indexing="ij"), axis=-1).reshape(-1, len(self.shape))
             order = list(coarse_to_fine((self._start,) * len(self.shape)))
             return self._register(self._flat(first[order]))
-        room = min(self._batch, self._runs - len(self._asked))
-        if room <= 0:
-            return []
-        process = self._process_through_margins(known, stand_ins=True)
+        room = min(self._batch, self.max_runs - len(self.asked))
+        process = self._process_through_margins(known, stand_ins=True) if room > 0 else None
         if process is None:
             return []
         judged = self._judged
         mean = process.mean(self._places[judged])
         spread = process.spread(self._places[judged])
-        away = self._distances(mean)
+        shape = tuple(-(-n // self._step) for n in self.shape)
+        away = distance_to_boundary(mean.reshape(shape) >= 0).ravel() * self._step / 2  # in tolerances
         doubt = NORMAL_QUANTILE * spread - np.abs(mean)
-        free = ~np.isin(judged, self._asked)
+        free = self._free[judged]
         if ((doubt > 0) & (away > 1)).any():
             self._clean, self._expected = 0, {}
             pool = np.flatnonzero((doubt > 0) & free)
@@ -191,10 +189,8 @@ class BoundarySearch:
         # It seems known. A process may be too sure of itself: try both sides of the boundary where
         # runs are far, and stop when they hold no surprise.
         surprise = any(
-            not math.isnan(value) and (value >= 0) != self._expected[i]
-            for i, value in (
-                (i, known.get(tuple(map(int, self._index[i])), math.nan)) for i in self._expected
-            )
+            not math.isnan(value := known.get(i, math.nan)) and (value >= 0) != side
+            for i, side in self._expected.items()
         )
         self._clean = 0 if surprise else self._clean + bool(self._expected)
         if self._clean >= (_PROBES if self._before is None else _PROBES // 2):
@@ -202,8 +198,9 @@ class BoundarySearch:
         near = (away > 0.6) & (away < 1.3) if np.isfinite(away).any() else np.ones(len(judged), dtype=bool)
         pool = np.flatnonzero(near & free)
         chosen = self._most_doubtful(process, pool, 0 * mean, spread, room)
-        self._expected = {int(judged[k]): bool(mean[k] >= 0) for k in chosen}
-        return self._register(judged[chosen])
+        asked = self._register(judged[chosen])
+        self._expected = {i: bool(mean[k] >= 0) for i, k in zip(asked, chosen, strict=True)}
+        return asked
 
     def estimate(self, known: Mapping[Index, float]) -> BoundaryEstimate:
         """What ``known`` says about the whole lattice; without a margin yet, nothing is sure.
@@ -239,9 +236,8 @@ class BoundarySearch:
         failed = sorted(i for i, m in known.items() if math.isnan(m))
         if not (stand_ins and failed):
             return process
-        there = np.array(failed)
-        guessed = process.mean(self._places[self._flat(there)])
-        return self._through(np.concatenate([index, there]), np.concatenate([values, guessed]), self._kernel)
+        guessed = process.mean(self._places[self._flat(np.array(failed))])
+        return self._through(np.concatenate([index, failed]), np.concatenate([values, guessed]), self._kernel)
 
     def _through(self, index: np.ndarray, values: np.ndarray, kernel: Kernel | None) -> Margins:
         at = self._places[self._flat(index)]
@@ -271,17 +267,14 @@ class BoundarySearch:
             left = left - shared**2 / alone
         return chosen
 
-    def _distances(self, mean: np.ndarray) -> np.ndarray:
-        """Distances of the judged points to the boundary, in tolerances."""
-        shape = tuple(-(-n // self._step) for n in self.shape)
-        return distance_to_boundary(mean.reshape(shape) >= 0).ravel() * self._step / 2
-
     def _flat(self, index: np.ndarray) -> np.ndarray:
         return np.ravel_multi_index(tuple(np.asarray(index).T), self.shape)
 
     def _register(self, flat: np.ndarray) -> list[Index]:
-        self._asked += [int(i) for i in flat]
-        return [tuple(map(int, self._index[i])) for i in flat]
+        asked = [tuple(map(int, self._index[i])) for i in flat]
+        self._free[flat] = False
+        self.asked += asked
+        return asked
 
 
 def margins_between(
@@ -290,35 +283,27 @@ def margins_between(
     kernel: Kernel | None = None,
     before: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> GaussianProcess:
-    """The process through margins, far from which nothing is known.
+    """The process through margins ``y`` (n,) at places ``x`` (n, d) of the unit box, far from which nothing
+    is known; of how far off ``before`` was, what was expected of them and its standard deviations, if that
+    is said.
 
     The sign of a margin is taken for certain, whatever differs from run to run: where margins jump, a
-    process that smooths would else put runs on the wrong side of zero.
-
-    Parameters
-    ----------
-    x : ndarray, shape (n, d)
-        Places in the unit box.
-    y : ndarray, shape (n,)
-        Margins.
-    kernel : Kernel, optional
-        The likeliest unless given.
-    before : (ndarray, ndarray), optional
-        What was expected of them, and its standard deviations: the process is of how far off that was.
-    """
+    process that smooths would else put runs on the wrong side of zero."""
     mean, spread = (np.zeros_like(y), np.ones_like(y)) if before is None else before
     z, sizes = (y - mean) / spread, MARGIN_SIZES if before is None else INFORMED_SIZES
-    made = GaussianProcess(
+    process = GaussianProcess(
         x, z, kernel=kernel, lengths=(EXPECTED_LENGTH,) * x.shape[1], trend="none", sizes=sizes
     )
-    noise = np.full(y.size, made.kernel.nugget)
+    noise = np.full(y.size, process.kernel.nugget)
     for _ in range(_SIGN_ROUNDS):
-        wrong = (mean + spread * made.mean(x) >= 0) != (y >= 0)
+        wrong = (mean + spread * process.mean(x) >= 0) != (y >= 0)
         if not wrong.any():
             break
         noise[wrong] = np.minimum(noise[wrong], 1e-3) / 100
-        made = GaussianProcess(x, z, kernel=made.kernel, noise=noise, trend="none", sizes=(made.size,) * 2)
-    return made
+        process = GaussianProcess(
+            x, z, kernel=process.kernel, noise=noise, trend="none", sizes=(process.size,) * 2
+        )
+    return process
 
 
 def limited_slope(at: np.ndarray, margins: np.ndarray) -> np.ndarray:

@@ -27,14 +27,8 @@ import xarray as xr
 from cutbench.base.errors import BadInput
 from cutbench.case.case import Case
 from cutbench.case.physics import Physics
-from cutbench.maps.dataset import LABELS, places_of
-from cutbench.maps.map_cases import physics_by_place
-from cutbench.run.measures import ABRUPT, CLAMP, SMOOTH
-
-#: Part of the travel that counts as steady: the default of ``cutbench.run.measures.measures``.
-STEADY_FRACTION = 0.4
-#: What is compared besides the regime: its name, and the run's and the estimate's column.
-_FORCES = (("peak", "peak_N", "onset_N"), ("steady force", "steady_N", "steady_estimate_N"))
+from cutbench.maps.dataset import LABELS, physics_by_place, places_of
+from cutbench.run.measures import ABRUPT, CLAMP, SMOOTH, TAIL
 
 
 @dataclass(frozen=True)
@@ -112,7 +106,8 @@ class EstimateComparison:
             f" {t['abrupt'].size} runs (abrupt where the run is smooth: {late},"
             f" smooth where it is abrupt: {early})"
         ]
-        for name, ours, theirs in _FORCES:
+        forces = (("peak", "peak_N", "onset_N"), ("steady force", "steady_N", "steady_estimate_N"))
+        for name, ours, theirs in forces:
             ratio = t[ours] / t[theirs]
             ratio = ratio[np.isfinite(ratio)]
             if ratio.size:
@@ -141,31 +136,23 @@ def compare(data: xr.Dataset) -> EstimateComparison:
     """Every run of a map that reached its depth against the estimates."""
     places, physics = places_of(data), physics_by_place(data)
     decided = np.isin(data["label"].values, [LABELS.index(ABRUPT), LABELS.index(SMOOTH)])
-    axes: dict[str, list[float]] = {name: [] for name in places}
     keys = ("drop", "peak_N", "steady_N", "drop_estimate", "onset_N", "steady_estimate_N")
-    table: dict[str, list] = {key: [] for key in (*keys, "abrupt", "abrupt_estimate")}
-    for index in np.argwhere(decided):
-        here = tuple(index)
+    rows, threshold = [], data.attrs["drop_threshold"]
+    for here in map(tuple, np.argwhere(decided)):
         values = {name: float(along[here]) for name, along in places.items()}
         case = physics(values)
-        found = classical(case)
-        if found is None:
+        if (estimate := classical(case)) is None:
             continue
-        for name, value in values.items():
-            axes[name].append(value)
-        row = (
-            data["drop_rel"].values[here], data["peak_N"].values[here], data["steady_N"].values[here],
-            found.drop_rel, found.onset_N, found.steady_at(_middle_of_steady(case)),
-            data["label"].values[here] == LABELS.index(ABRUPT),
-            found.margin(data.attrs["drop_threshold"]) >= 0,
-        )  # fmt: skip
-        for key, value in zip(table, row, strict=True):
-            table[key].append(value)
-    arrays = {k: np.array(v, dtype=bool if k.startswith("abrupt") else float) for k, v in table.items()}
-    return EstimateComparison({name: np.array(v) for name, v in axes.items()}, arrays)
-
-
-def _middle_of_steady(case: Case | Physics) -> float:
-    """The middle of the travel over which ``cutbench.run.measures.measures`` takes the steady force."""
-    end = min(case.p.depth, case.p.height - CLAMP * case.p.thickness)
-    return (1 - STEADY_FRACTION / 2) * (end if end > 0 else case.p.depth)
+        # The middle of the travel over which ``cutbench.run.measures.measures`` takes the steady force.
+        end = min(case.p.depth, case.p.height - CLAMP * case.p.thickness)
+        middle = (1 - TAIL / 2) * (end if end > 0 else case.p.depth)
+        rows.append((
+            *values.values(), *(data[name].values[here] for name in ("drop_rel", "peak_N", "steady_N")),
+            estimate.drop_rel, estimate.onset_N, estimate.steady_at(middle),
+            data["label"].values[here] == LABELS.index(ABRUPT), estimate.margin(threshold) >= 0,
+        ))  # fmt: skip
+    names = *places, *keys, "abrupt", "abrupt_estimate"
+    columns = dict(zip(names, np.array(rows, dtype=float).reshape(-1, len(names)).T, strict=True))
+    numbers = {key: columns[key] for key in keys}
+    regimes = {key: columns[key] > 0 for key in ("abrupt", "abrupt_estimate")}
+    return EstimateComparison({name: columns[name] for name in places}, numbers | regimes)

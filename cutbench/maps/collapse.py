@@ -9,6 +9,7 @@ log V* is fitted as a straight line in its logarithm, and what is left is the sc
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,8 +22,7 @@ from matplotlib.lines import Line2D
 from cutbench.base.errors import BadInput
 from cutbench.base.figure_style import COLOURS, DOUBLE_MM, Look, new_figure, save, style
 from cutbench.case.model import groups
-from cutbench.maps.dataset import places_of
-from cutbench.maps.map_cases import physics_by_place
+from cutbench.maps.dataset import physics_by_place, places_of
 from cutbench.maps.plot_coordinates import plain_log, symbol, unit_of
 from cutbench.maps.regimes import HELD, KIND, KIND_WORDS, KINDS, SNAP, SNAP_SPEED, STABLE, VISCOSITY
 
@@ -31,9 +31,6 @@ from cutbench.maps.regimes import HELD, KIND, KIND_WORDS, KINDS, SNAP, SNAP_SPEE
 FRONT_SPEED_RANGE = (1.15, 10.0)
 #: So many such runs make a line.
 MIN_RUNS = 6
-_SHAPES = "os^Dv<>p"
-_LINE: Look = {"color": "black", "lw": 1.2, "ls": "-"}
-_PALETTE = ("blue", "vermilion", "green", "orange")
 
 
 @dataclass(frozen=True)
@@ -77,59 +74,69 @@ def collapse_of(data: xr.Dataset) -> Collapse:
     group = groups()[VISCOSITY]
     rows = []
     done = np.isfinite(data["front_speed"].values) & (data["rest_freed_rel"].values > 0)
-    for index in np.argwhere(done):
-        here = tuple(index)
+    for here in map(tuple, np.argwhere(done)):
         values = {name: float(along[here]) for name, along in places.items()}
         case = physics(values)
         if VISCOSITY in case.model.settable_groups() and (viscosity := group.value(case.p)) > 0:
-            found = (data[name].values[here] for name in ("front_speed", "rest_freed_rel", KIND))
-            rows.append((viscosity, *found, values.get(panel, 0.0)))
+            measured = (data[name].values[here] for name in ("front_speed", "rest_freed_rel", KIND))
+            rows.append((viscosity, *measured, values.get(panel, 0.0)))
     V, S, freed, kind, level = np.array(rows, dtype=float).reshape(-1, 5).T
     ok = (FRONT_SPEED_RANGE[0] < S) & (FRONT_SPEED_RANGE[1] > S)
-    factor = power = scatter = math.nan
-    fitted = int(ok.sum())
-    if fitted >= MIN_RUNS and np.ptp(freed[ok]) > 0:
+    factor, power, scatter, fitted = math.nan, math.nan, math.nan, 0
+    if ok.sum() >= MIN_RUNS and np.ptp(freed[ok]) > 0:
+        fitted = int(ok.sum())
         x, y = np.log(freed[ok]), np.log((S[ok] - 1) * V[ok])
         power, shift = np.polyfit(x, y, 1)
         factor, scatter = math.exp(shift), math.exp(np.sqrt(np.mean((y - shift - power * x) ** 2)))
-    else:
-        fitted = 0
     names = np.array(KINDS)[kind.astype(int)]
     return Collapse(V, S, freed, names, level, factor, float(power), scatter, fitted)
 
 
-def draw_collapse(data: xr.Dataset, found: Collapse) -> Figure:
+def draw_collapse(data: xr.Dataset, collapse: Collapse) -> Figure:
     """Kinds over what is freed and viscosity, with the line; and the speed of the front against V/V*."""
     panel = data.attrs["plot_panel"]
-    levels = np.unique(found.level)
+    levels = np.unique(collapse.level)
     with style():
         figure = new_figure(DOUBLE_MM, 88)
         left, right = figure.subplots(1, 2)
-        ratio = found.viscosity / found.line(found.freed)
-        ends = np.array([found.freed.min() / 1.3, found.freed.max() * 1.3])
-        for k, level in enumerate(levels):
-            colour = COLOURS[_PALETTE[k % len(_PALETTE)]]
-            for name, look in _looks(_SHAPES[k % len(_SHAPES)], colour).items():
-                at = (found.level == level) & (found.kind == name)
-                left.plot(found.freed[at], found.viscosity[at], **look)
-                right.plot(ratio[at], found.front_speed[at], **look)
-        if found.fitted:
-            line, band = found.line(ends), {"color": "0.88", "zorder": 0}
-            left.plot(ends, line, **_LINE)
-            left.fill_between(ends, line / found.scatter, line * found.scatter, **band)
+        ratio = collapse.viscosity / collapse.line(collapse.freed)
+        ends = np.array([collapse.freed.min() / 1.3, collapse.freed.max() * 1.3])
+        line_look: Look = {"color": "black", "lw": 1.2, "ls": "-"}
+        shapes = itertools.cycle(zip("os^Dv<>p", itertools.cycle(("blue", "vermilion", "green", "orange"))))
+        handles = [
+            Line2D([], [], label=KIND_WORDS[name], **look)
+            for name, look in _looks("o", "black").items()
+            if (collapse.kind == name).any()
+        ]
+        for level, (marker, colour) in zip(levels, shapes, strict=False):
+            looks = _looks(marker, COLOURS[colour])
+            for name, look in looks.items():
+                at = (collapse.level == level) & (collapse.kind == name)
+                left.plot(collapse.freed[at], collapse.viscosity[at], **look)
+                right.plot(ratio[at], collapse.front_speed[at], **look)
+            if panel:
+                text = f"{symbol(data[panel])} = {level:.3g}{unit_of(data[panel])}"
+                handles.append(Line2D([], [], label=text, **looks[SNAP]))
+        if collapse.fitted:
+            line, band = collapse.line(ends), {"color": "0.88", "zorder": 0}
+            left.plot(ends, line, **line_look)
+            left.fill_between(ends, line / collapse.scatter, line * collapse.scatter, **band)
             x = np.geomspace(ratio.min() / 1.3, ratio.max() * 1.3, 100)
-            right.plot(x, 1 + 1 / x, **_LINE)
-            right.fill_between(x, 1 + 1 / x / found.scatter, 1 + found.scatter / x, **band)
+            right.plot(x, 1 + 1 / x, **line_look)
+            right.fill_between(x, 1 + 1 / x / collapse.scatter, 1 + collapse.scatter / x, **band)
             plain_log(right, "x", x[0], x[-1])
+            law = f"$V^* = {collapse.factor:.2g}\\,x^{{{collapse.power:.2g}}}$"
+            text = f"{law} to a factor of {collapse.scatter:.3g} (rms)"
+            handles.append(Line2D([], [], label=text, **line_look))
         right.axhline(SNAP_SPEED, color="0.4", lw=0.8, ls=":")
         plain_log(left, "x", *ends)
-        plain_log(left, "y", found.viscosity.min() / 1.4, found.viscosity.max() * 1.4)
-        plain_log(right, "y", found.front_speed.min() / 1.2, found.front_speed.max() * 1.3)
+        plain_log(left, "y", collapse.viscosity.min() / 1.4, collapse.viscosity.max() * 1.4)
+        plain_log(right, "y", collapse.front_speed.min() / 1.2, collapse.front_speed.max() * 1.3)
         left.set_xlabel("energy that the limit point at rest frees / $G_c$")
         left.set_ylabel(r"$V = \eta v/\delta_c$")
         right.set_xlabel("$V/V^*$")
         right.set_ylabel("front speed / blade speed  $S$")
-        figure.legend(handles=_handles(data, panel, levels, found), loc="outside upper center", ncols=3)
+        figure.legend(handles=handles, loc="outside upper center", ncols=3)
     return figure
 
 
@@ -138,31 +145,9 @@ def _looks(marker: str, colour: str) -> dict[str, Look]:
     return {SNAP: whole | {"mfc": colour}, HELD: whole | {"mfc": "white"}, STABLE: whole | {"marker": "x"}}
 
 
-def _handles(data: xr.Dataset, panel: str, levels: np.ndarray, found: Collapse) -> list[Line2D]:
-    handles = [
-        Line2D([], [], label=KIND_WORDS[name], **look)
-        for name, look in _looks("o", "black").items()
-        if (found.kind == name).any()
-    ]
-    for k, level in enumerate(levels if panel else ()):
-        look: Look = {"ls": "", "marker": _SHAPES[k % len(_SHAPES)], "ms": 4.2,
-                      "color": COLOURS[_PALETTE[k % len(_PALETTE)]]}  # fmt: skip
-        text = f"{symbol(data[panel])} = {level:.3g}{unit_of(data[panel])}"
-        handles.append(Line2D([], [], label=text, **look))
-    if found.fitted:
-        text = (
-            f"$V^* = {found.factor:.2g}\\,x^{{{found.power:.2g}}}$ to a factor of {found.scatter:.3g} (rms)"
-        )
-        handles.append(Line2D([], [], label=text, **_LINE))
-    return handles
-
-
 def save_collapse(data: xr.Dataset, folder: str | Path) -> tuple[list[Path], str]:
     """Write ``regimes.png`` into ``folder``; its paths and the line in words. Nothing of maps without runs at
     rest that have ended."""
-    if KIND not in data:
+    if KIND not in data or not (collapse := collapse_of(data)).viscosity.size:
         return [], ""
-    found = collapse_of(data)
-    if not found.viscosity.size:
-        return [], ""
-    return save(draw_collapse(data, found), Path(folder) / "regimes.png", also=("svg",)), found.text()
+    return save(draw_collapse(data, collapse), Path(folder) / "regimes.png", also=("svg",)), collapse.text()

@@ -26,9 +26,9 @@ from cutbench.base.files import write_json
 from cutbench.case.case import Case
 from cutbench.case.numerics import Numerics, defaults
 from cutbench.maps import dataset as maps
-from cutbench.maps.confirmed_points import ANOTHER, CONFIRMED, NUMERICS, RECORD, UNFINISHED
+from cutbench.maps.dataset import case_on
 from cutbench.maps.guidance import margins_of
-from cutbench.maps.map_cases import case_on
+from cutbench.maps.markers import ANOTHER, CONFIRMED, NUMERICS, RECORD, UNFINISHED
 from cutbench.run.block_cost import cost_sentence, expected_seconds
 from cutbench.run.files import read_run
 from cutbench.run.measures import ABRUPT, SMOOTH, UNDECIDED
@@ -92,10 +92,10 @@ class Confirmed:
 def least_certain(data: xr.Dataset, count: int) -> list[MapPoint]:
     """The ``count`` runs of a map that lie nearest to the boundary by their own measures, nearest first."""
     labels = data["label"].values
-    known = np.isin(labels, [maps.LABELS.index(name) for name in (SMOOTH, ABRUPT, UNDECIDED)])
+    decided = np.isin(labels, [maps.LABELS.index(name) for name in (SMOOTH, ABRUPT, UNDECIDED)])
     near = margins_of(data)
     places = maps.places_of(data)
-    distance = np.where(known & np.isfinite(near), np.abs(near), np.inf).ravel()
+    distance = np.where(decided & np.isfinite(near), np.abs(near), np.inf).ravel()
     order = np.argsort(distance, kind="stable")[:count]
     points = []
     for i in order[np.isfinite(distance[order])]:
@@ -149,59 +149,32 @@ def confirm(
 ) -> list[Confirmed]:
     """Repeat points of a map in three dimensions, and compare.
 
-    Each point is run as a section, as a section with its block's numerics and as a block, all sections first:
-    they say what the blocks cost. ``confirm.json`` is written after each block. It ends early, with what it
-    has, after a run that was interrupted before ``limit_s``; one that took so long is left unfinished.
-
-    Parameters
-    ----------
-    data : xarray.Dataset
-        The map.
-    points : sequence of MapPoint
-        The places to confirm.
-    folder : Path
-        Folder of ``confirm.json`` and of the runs.
-    run : callable
-        ``run(case, folder)`` computes a case and leaves it there; what a folder already holds is not computed
-        again. With ``workers`` it is called in other processes.
-    source : str
-        Where the map comes from, for the record.
-    changes : mapping of str to object, optional
-        Changes of the blocks, as ``Case.set`` takes them.
-    announce : callable, optional
-        Called with a sentence about each block's cost before the first begins, and with one about all.
-    limit_s : float, s
-        How long one run may take before ``run`` interrupts it.
-    workers : int
-        Runs at once, in as many processes; 0: one after the other, in this one.
-    sections_only : bool
-        Run the sections, announce what the blocks cost, and compare nothing.
-
-    Returns
-    -------
-    list of Confirmed
-        What was compared, a point each.
-    """
+    Each point is run as a section, as a section with its block's numerics and as a block, all sections
+    first: they say what the blocks cost, in sentences to ``announce``. ``changes`` are those of the blocks,
+    as ``Case.set`` takes them. ``run(case, folder)`` computes a case and leaves it there, with ``workers``
+    in other processes; what ``folder`` already holds is not computed again. ``confirm.json`` is written
+    there after each block, with the map's ``source``. It ends early, with what it has, after a run that was
+    interrupted before ``limit_s``; one that took so long is left unfinished. With ``sections_only`` nothing
+    is compared."""
     # All cases first: what does not fit is refused before hours of computing.
     blocks = [block_case(point.case, changes) for point in points]
     likes = [section_as_block(point.case, block) for point, block in zip(points, blocks, strict=True)]
-    found: dict[str, Result] = {}
     done: list[Confirmed] = []
     sections = [case for point, like in zip(points, likes, strict=True) for case in (point.case, like)]
-    found |= {case.id: result for case, result in _runs(sections, folder, run, limit_s, workers)}
-    cut_short = any(case.id not in found for case in sections)
+    runs = {case.id: result for case, result in _runs(sections, folder, run, limit_s, workers)}
+    cut_short = any(case.id not in runs for case in sections)
     if announce and not cut_short:
-        pairs = [(b, found[like.id]) for b, like in zip(blocks, likes, strict=True)]
+        pairs = [(b, runs[like.id]) for b, like in zip(blocks, likes, strict=True)]
         for sentence in _cost(pairs, folder, workers):
             announce(sentence)
     if cut_short or sections_only:
         return done
     for block, result in _runs(blocks, folder, run, limit_s, workers):
-        found[block.id] = result
+        runs[block.id] = result
         done = [
-            _compared(data, point, found[point.case.id], found[like.id], found[solid.id])
+            _compared(data, point, runs[point.case.id], runs[like.id], runs[solid.id])
             for point, like, solid in zip(points, likes, blocks, strict=True)
-            if solid.id in found
+            if solid.id in runs
         ]
         write_json(confirmation_record(data, done, source, len(points)), folder / RECORD)
     return done
@@ -240,12 +213,8 @@ def _cost(pairs: Sequence[tuple[Case, Result]], folder: Path, workers: int) -> I
     for number, ((block, _), seconds) in enumerate(zip(left, times, strict=True), start=1):
         yield f"block {number} of {len(left)}, {cost_sentence(block.name, seconds)}"
     hands = max(min(workers, len(left)), 1)
-    whole = max([sum(times) / hands, *times]) if times else 0.0
-    yield (
-        cost_sentence(f"all blocks, {hands} at once", whole)
-        if hands > 1
-        else cost_sentence("all blocks", whole)
-    )
+    whole = max([sum(times) / hands, *times], default=0.0)
+    yield cost_sentence(f"all blocks, {hands} at once" if hands > 1 else "all blocks", whole)
 
 
 def confirmation_record(data: xr.Dataset, done: Sequence[Confirmed], source: str, asked: int) -> dict:
@@ -276,12 +245,12 @@ def _stored_run(case: Case, folder: Path) -> Result | None:
 def _compared(data: xr.Dataset, point: MapPoint, flat: Result, like: Result, block: Result) -> Confirmed:
     results = (flat, like, block)
     labels, numbers = zip(*map(maps.regime_of(data).of, results), strict=True)
-    two, same, three = ({name: found[name] for name in COMPARED} for found in numbers)
+    two, same, three = ({name: each[name] for name in COMPARED} for each in numbers)
     ratio = {name: three[name] / same[name] if same[name] else math.nan for name in COMPARED}
-    known = [label if r.outcome.done else None for label, r in zip(labels, results, strict=True)]
+    ended = [label if r.outcome.done else None for label, r in zip(labels, results, strict=True)]
     return Confirmed(
         point.name, dict(point.at), point.margin, flat.id, like.id, block.id,
         flat.outcome.kind, like.outcome.kind, block.outcome.kind,
-        known[0], known[1], known[2], two, same, three, ratio,
+        ended[0], ended[1], ended[2], two, same, three, ratio,
         block.timings.get("total", math.nan),
     )  # fmt: skip

@@ -1,4 +1,5 @@
-"""A study's runs as one labelled array: what ``map.nc`` and ``map.csv`` hold and phase diagrams show."""
+"""A study's runs as one labelled array: what ``map.nc`` and ``map.csv`` hold and phase diagrams show; and
+what its places stand for: laws and values whatever wrote it, and cases where this cutbench can."""
 
 from __future__ import annotations
 
@@ -6,7 +7,7 @@ import io
 import json
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -16,13 +17,16 @@ import xarray as xr
 
 from cutbench.base.errors import BadInput
 from cutbench.base.files import csv_text, replacing, write_text
-from cutbench.base.versions import versions
+from cutbench.base.versions import versions, written_by
+from cutbench.case.case import Case
+from cutbench.case.computation import computation_here
+from cutbench.case.physics import Physics
 from cutbench.case.values import parameter_of
-from cutbench.maps.axes import Axis
-from cutbench.maps.boundary import BoundaryEstimate, margin
+from cutbench.maps.axes import Axis, short
+from cutbench.maps.boundary import BoundaryEstimate, levels_of, margin
 from cutbench.maps.marked_materials import Mark
 from cutbench.maps.regimes import AT_REST, KIND, KINDS, rest_variables
-from cutbench.maps.study import Study
+from cutbench.maps.study import Startable, Study, case_at
 from cutbench.maps.study_sections import Regime
 from cutbench.maps.uncertainty import (
     CAUSES,
@@ -35,13 +39,11 @@ from cutbench.maps.uncertainty import (
     undecided,
 )
 from cutbench.run.measures import ABRUPT, MEASURES, NOTED, SMOOTH, UNCUT, UNDECIDED
-from cutbench.run.outcome import OUTCOMES
-from cutbench.run.result import Result
+from cutbench.run.result import OUTCOMES, Result
 
 NOT_COMPUTED = "not_computed"
 #: Values of the variable ``label``: position in this tuple.
 LABELS = (NOT_COMPUTED, SMOOTH, ABRUPT, UNCUT, UNDECIDED)
-_DECIDED = (LABELS.index(SMOOTH), LABELS.index(ABRUPT))
 #: Values of the variable ``outcome``; 0 where no run has ended yet.
 OUTCOME_FLAGS = ("missing", *OUTCOMES)
 #: Variables that are numbers of runs, with unit and meaning.
@@ -61,6 +63,15 @@ class MapRow:
     label: str = NOT_COMPUTED
     measures: Mapping[str, float] = field(default_factory=lambda: dict.fromkeys(NUMBERS, math.nan))
 
+    def margin(self, regime: Regime) -> float:
+        """Against the thresholds of a study; nan if the run did not end well, or is not cut at its depth."""
+        if self.outcome != "done":
+            return math.nan
+        drop_rel, surge = (np.array(self.measures[name]) for name in ("drop_rel", "surge"))
+        least = math.nan if regime.surge_min is None else regime.surge_min
+        uncut = np.array(self.label == UNCUT)
+        return float(margin(drop_rel, surge, uncut, drop=regime.drop, surge_min=least))
+
 
 def row_of(result: Result, regime: Regime) -> MapRow:
     """What a map keeps of a run. The measures come from the curve, not from what the run noted:
@@ -69,11 +80,11 @@ def row_of(result: Result, regime: Regime) -> MapRow:
     if not outcome.done:
         return MapRow(outcome.kind, outcome.message, outcome.reached_mm)
     try:
-        label, found = regime.of(result)
+        label, measures = regime.of(result)
     except (ValueError, KeyError) as error:
         return MapRow("failed", f"the curve cannot be read: {error}", outcome.reached_mm)
     noted = {name: result.measures.get(name, math.nan) for name in NOTED}
-    return MapRow(outcome.kind, outcome.message, outcome.reached_mm, label, {**found, **noted})
+    return MapRow(outcome.kind, outcome.message, outcome.reached_mm, label, {**measures, **noted})
 
 
 def build_map(
@@ -84,30 +95,13 @@ def build_map(
     rest: Mapping[str, str] | None = None,
     checks: RepeatedRuns | None = None,
 ) -> xr.Dataset:
-    """Put the runs of a study together into a map.
+    """Put the runs of a study together into a map, as ``map.nc`` has it, with units in the attributes. Its
+    dimensions are the study's axes, or ``point`` where the runs do not lie on a grid.
 
-    Dimensions are the study's axes, or ``point`` where the runs do not lie on a grid.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-    rows : mapping of str to MapRow
-        What is known of the runs by their ids, as far as there are any.
-    ids : mapping of (tuple of int) to str, optional
-        The run ids by index; those of the study's grid unless given.
-    estimates : mapping of (tuple of int) to BoundaryEstimate, optional
-        What a search for the boundary has found, by the indices of the levels.
-    rest : mapping of str to str, optional
-        The id of the run at rest of each run, by its id.
-    checks : RepeatedRuns, optional
-        What was repeated to see how far the line may be off: within that labels are undecided.
-
-    Returns
-    -------
-    xarray.Dataset
-        The map, as ``map.nc`` has it; units in the attributes.
-    """
+    ``rows`` are the runs by their ids as far as they are known, ``ids`` those by index (the study's grid
+    unless said), ``rest`` the run at rest of each. ``estimates`` are those of a search for the boundary, by
+    the indices of the levels; ``checks`` is what was repeated to see how far the line may be off: within
+    that labels are undecided."""
     dims = [axis.name for axis in study.axes] if study.on_grid else ["point"]
     table_ids = np.full(study.shape, "", dtype=object)
     table = np.full(study.shape, MapRow(), dtype=object)
@@ -128,14 +122,17 @@ def build_map(
         )
         for k, axis in enumerate(study.axes)
     }
-    data |= _regimes(table_ids, dims, rows, rest)
+    if rest:
+        measured = {id: row.measures for id, row in rows.items()}
+        at_rest = rest_variables(table_ids, rest, measured)
+        data |= {name: (dims, *column) for name, column in at_rest.items()}
     if estimates:
         data |= _boundary_variables(study, estimates)
     if marks := study.marks():
         data |= _marked_runs(marks, rows)
         coords["mark"] = "mark", [mark.name for mark in marks], {"long_name": "marked material"}
-    found = xr.Dataset(data, coords, _about(study))
-    return with_strips(found, checks, rows) if checks and (checks.refined or checks.alternatives) else found
+    whole = xr.Dataset(data, coords, _about(study))
+    return with_strips(whole, checks, rows) if checks and (checks.refined or checks.alternatives) else whole
 
 
 def _about(study: Study) -> dict[str, object]:
@@ -164,18 +161,10 @@ def _about(study: Study) -> dict[str, object]:
     }
 
 
-def _margin(row: MapRow, drop: float, surge: float) -> float:
-    of = row.measures
-    told = np.array([of["drop_rel"], of["surge"]])
-    return float(margin(told[0], told[1], np.array(False), drop=drop, surge_min=surge))
-
-
 def with_strips(data: xr.Dataset, checks: RepeatedRuns, rows: Mapping[str, MapRow]) -> xr.Dataset:
     """A map with what was repeated of it, and labels undecided where that leaves either."""
-    drop, surge = data.attrs["drop_threshold"], data.attrs["surge_threshold"]
-    # A run that is not cut at its depth has no measure yet.
-    known = {id: row for id, row in rows.items() if row.outcome == "done" and row.label != UNCUT}
-    r = {id: log_ratio(_margin(row, drop, surge)) for id, row in known.items()}
+    regime, decided = regime_of(data), (LABELS.index(SMOOTH), LABELS.index(ABRUPT))
+    r = {id: log_ratio(row.margin(regime)) for id, row in rows.items()}
     ids = data["run_id"].values
     new = uncertainty_variables(checks, r, ids, [str(dim) for dim in data["run_id"].dims])
     data = data.assign(new).assign_coords(cause=list(CAUSES), end=["low", "high"])
@@ -183,40 +172,32 @@ def with_strips(data: xr.Dataset, checks: RepeatedRuns, rows: Mapping[str, MapRo
     for name, runs in (("label", "run_id"), ("mark_label", "mark_run_id")):
         if name in data:
             here = np.array([r.get(str(id), math.nan) for id in data[runs].values.ravel()])
-            open_ = undecided(here, low, high).reshape(data[runs].shape) & np.isin(data[name], _DECIDED)
+            open_ = undecided(here, low, high).reshape(data[runs].shape) & np.isin(data[name], decided)
             data[name].values[open_] = LABELS.index(UNDECIDED)
     return data
 
 
 def _columns(table: np.ndarray, dims: list[str]) -> dict[str, tuple]:
     """Variables of the ``MapRow``s of a table, shaped as it."""
-
-    def collect(pick, dtype, **about):
-        return dims, np.array([pick(row) for row in table.ravel()], dtype=dtype).reshape(table.shape), about
-
-    data = {
-        name: collect(
-            lambda row, name=name: row.measures.get(name, math.nan), float, units=unit, long_name=text
-        )
+    rows: list[MapRow] = list(table.ravel())
+    columns: dict[str, tuple] = {
+        name: ([row.measures.get(name, math.nan) for row in rows], float, {"units": unit, "long_name": text})
         for name, (unit, text) in NUMBERS.items()
+    } | {
+        "label": ([LABELS.index(row.label) for row in rows], np.int8, _flags(LABELS, "regime")),
+        "outcome": (
+            [OUTCOME_FLAGS.index(row.outcome) for row in rows], np.int8,
+            _flags(OUTCOME_FLAGS, "how the run ended"),
+        ),
+        "reached_mm": (
+            [row.reached_mm for row in rows], float, {"units": "mm", "long_name": "blade travel reached"}
+        ),
+        "message": ([row.message for row in rows], str, {"long_name": "what the run said at its end"}),
+    }  # fmt: skip
+    return {
+        name: (dims, np.array(values, dtype=dtype).reshape(table.shape), about)
+        for name, (values, dtype, about) in columns.items()
     }
-    ended = _flags(OUTCOME_FLAGS, "how the run ended")
-    data["label"] = collect(lambda row: LABELS.index(row.label), np.int8, **_flags(LABELS, "regime"))
-    data["outcome"] = collect(lambda row: OUTCOME_FLAGS.index(row.outcome), np.int8, **ended)
-    data["reached_mm"] = collect(
-        lambda row: row.reached_mm, float, units="mm", long_name="blade travel reached"
-    )
-    data["message"] = collect(lambda row: row.message, str, long_name="what the run said at its end")
-    return data
-
-
-def _regimes(
-    ids: np.ndarray, dims: list[str], rows: Mapping[str, MapRow], rest: Mapping[str, str] | None
-) -> dict[str, tuple]:
-    """What the runs at rest add, where there are any."""
-    measured = {id: row.measures for id, row in rows.items()}
-    found = rest_variables(ids, rest, measured) if rest else {}
-    return {name: (dims, *column) for name, column in found.items()}
 
 
 def _marked_runs(marks: Sequence[Mark], rows: Mapping[str, MapRow]) -> dict[str, tuple]:
@@ -235,29 +216,24 @@ def _boundary_variables(
 ) -> dict[str, tuple]:
     """The boundary that was sought, on the map's own dimensions."""
     dims = [axis.name for axis in study.axes]
-    free = [k for k, axis in enumerate(study.axes) if axis.continuous]
-    levels = [k for k in range(len(dims)) if k not in free]
     informed = all(e.drop is not None for e in estimates.values())
     names = ("mean", "spread", "unsure", *(["drop"] if informed else []))
     arrays = {name: np.empty(study.shape) for name in names}
-    for chosen, estimate in estimates.items():
-        where: list[slice | int] = [slice(None)] * len(dims)
-        for k, i in zip(levels, chosen, strict=True):
-            where[k] = i
+    for chosen, where in levels_of(study.axes):
         for name, array in arrays.items():
-            array[tuple(where)] = getattr(estimate, name)
+            array[where] = getattr(estimates[chosen], name)
     mean = "estimated margin, tanh(log(measure/threshold)): above 0 abrupt, below 0 smooth"
     sd = "standard deviation of the estimated margin"
     unsure = _flags(("sure", "unsure"), "whether the regime is unknown (95 %) beyond the tolerance")
-    found: dict[str, tuple] = {
+    variables: dict[str, tuple] = {
         "margin": (dims, arrays["mean"], {"units": "1", "long_name": mean}),
         "margin_sd": (dims, arrays["spread"], {"units": "1", "long_name": sd}),
         "unsure": (dims, arrays["unsure"].astype(np.int8), unsure),
     }
     if informed:
         about = {"units": "1", "long_name": "drop_rel as it was thought to be beforehand"}
-        found["drop_rel_expected"] = dims, arrays["drop"], about
-    return found
+        variables["drop_rel_expected"] = dims, arrays["drop"], about
+    return variables
 
 
 def load_map(path: str | os.PathLike[str]) -> xr.Dataset:
@@ -301,9 +277,9 @@ def load_map(path: str | os.PathLike[str]) -> xr.Dataset:
     """
     if not Path(path).is_file():
         sorts = ("run", "fit", "discovery", "band")
-        there = [what for what in sorts if Path(path).with_name(f"{what}.json").is_file()]
-        found = f"; that folder is of a {there[0]}" if there else ""
-        raise BadInput("map", str(path), f"a map that exists, map.nc in the folder of a sweep{found}")
+        others = [what for what in sorts if Path(path).with_name(f"{what}.json").is_file()]
+        other = f"; that folder is of a {others[0]}" if others else ""
+        raise BadInput("map", str(path), f"a map that exists, map.nc in the folder of a sweep{other}")
     try:
         with xr.open_dataset(path, engine="h5netcdf") as file:
             data = file.load()
@@ -408,15 +384,7 @@ def runs_of(data: xr.Dataset) -> list[MapRun]:
 
 
 def save_map(data: xr.Dataset, folder: Path) -> None:
-    """Write ``map.nc`` and ``map.csv``, each whole or not at all.
-
-    Parameters
-    ----------
-    data : xarray.Dataset
-        The map.
-    folder : Path
-        Where to; it must be there.
-    """
+    """Write ``map.nc`` and ``map.csv`` into a folder that is there, each whole or not at all."""
     # A map of runs that were sought is mostly empty.
     packed = {key: {"zlib": True} for key, v in data.variables.items() if v.ndim and v.dtype.kind in "fi"}
     with replacing(folder / "map.nc") as draft:
@@ -460,3 +428,52 @@ def _flags(names: tuple[str, ...], text: str) -> dict[str, object]:
         "flag_values": np.arange(len(names), dtype=np.int8),
         "flag_meanings": " ".join(names),
     }
+
+
+def case_on(data: xr.Dataset, values: Mapping[str, float]) -> Case:
+    """The case at a place of a map (axis name -> value), as its study makes it and this cutbench computes it.
+
+    Raises BadInput if the values do not fit one another, or the map's numerics are none of this cutbench's.
+    """
+    try:
+        start = Case.from_dict(json.loads(data.attrs["start_case"]))
+        return _by_place(start, json.loads(data.attrs["changes"]), data)(values)
+    except BadInput as error:
+        if not (other := other_writer(data)):
+            raise
+        raise BadInput(
+            file=data.encoding.get("source"), key=error.key, value=error.value,
+            expected=f"{error.expected}; {other} wrote this map and can compute more of it, this one cannot:"
+            " sweep its study again",
+        ) from error  # fmt: skip
+
+
+def physics_by_place(data: xr.Dataset) -> Callable[[Mapping[str, float]], Physics]:
+    """Laws and values by place of a map, whatever version and numerics it is of. Raises BadInput."""
+    stored = json.loads(data.attrs["start_case"])
+    changes = {k: v for k, v in json.loads(data.attrs["changes"]).items() if k not in stored["numerics"]}
+    return _by_place(Physics.from_dict(stored), changes, data)
+
+
+def other_writer(data: xr.Dataset) -> str:
+    """What wrote a map, in words, if that was another computation than this process's; else empty."""
+    here = computation_here(json.loads(data.attrs["base_case"])["mechanisms"])
+    return "" if data.attrs["computation"] == here else computed_by(data)
+
+
+def computed_by(data: xr.Dataset) -> str:
+    """What computed a map, in words."""
+    return written_by(data.attrs["cutbench"], data.attrs["computation"])
+
+
+def remarks(data: xr.Dataset) -> list[str]:
+    """What to know of a map before runs computed now are held against it, in sentences."""
+    other = other_writer(data)
+    return [f"The map is by {other}: it holds for that, and runs computed now are of another."] * bool(other)
+
+
+def _by_place(
+    start: Startable, changes: Mapping[str, object], data: xr.Dataset
+) -> Callable[[Mapping[str, float]], Startable]:
+    axes = [axis_of(data, name) for name in axes_of(data)]
+    return lambda values: case_at(start, changes, axes, [short(values[axis.name]) for axis in axes])

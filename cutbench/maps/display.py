@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 
 from cutbench.base.files import check_writable
 from cutbench.maps.dataset import LABELS, axes_of, axis_of, places_of
-from cutbench.maps.map import Map
+from cutbench.maps.map_folder import Map
 from cutbench.maps.phase import draw_plane
 
 

@@ -34,9 +34,9 @@ class Agreement:
     def text(self) -> str:
         """In one sentence."""
         part = self.runs[0] / max(self.whole, 1)
-        there = "" if self.runs[1] == self.whole else f", of which {self.runs[1]} are there"
+        of_these = "" if self.runs[1] == self.whole else f", of which {self.runs[1]} are there"
         return (
-            f"{self.runs[0]} runs of the search against {self.whole} of the grid{there} ({part:.3g}): the"
+            f"{self.runs[0]} runs of the search against {self.whole} of the grid{of_these} ({part:.3g}): the"
             f" regimes differ at {self.wrong} of {self.points} grid points, and at {self.wrong_far} of the"
             f" {self.far} farther from the boundary than the tolerance"
         )
@@ -59,7 +59,7 @@ def agreement(sought: xr.Dataset, grid: xr.Dataset) -> Agreement:
     at = places_of(grid)
     labels = grid["label"].values
     decided = np.isin(labels, [LABELS.index(ABRUPT), LABELS.index(SMOOTH)])
-    far = wrong = wrong_far = points = 0
+    counts = np.zeros(4, dtype=int)
     fixed = [n for n in names if n not in free]
     for values in itertools.product(*(sought[name].values for name in fixed)):
         level = dict(zip(fixed, values, strict=True))
@@ -80,12 +80,10 @@ def agreement(sought: xr.Dataset, grid: xr.Dataset) -> Agreement:
         )(x)
         off = ((margin >= 0) != (labels[here] == LABELS.index(ABRUPT))) & inside
         beyond = (away > 1) & inside
-        points += int(inside.sum())
-        far += int(beyond.sum())
-        wrong += int(off.sum())
-        wrong_far += int((off & beyond).sum())
+        counts += np.sum([inside, beyond, off, off & beyond], axis=1)
     ran, gridded = (int((data["run_id"].values != "").sum()) for data in (sought, grid))
     whole = math.prod(_points(axes[n], grid[n].values) if n in free else len(axes[n].values) for n in names)
+    points, far, wrong, wrong_far = map(int, counts)
     return Agreement(points, far, wrong, wrong_far, (ran, gridded), whole)
 
 

@@ -8,10 +8,9 @@ process says that it has crossed. Without a map the runs that the package brings
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 import xarray as xr
@@ -30,8 +29,18 @@ from cutbench.maps.boundary import (
     margins_by_atlas,
     spread_of,
 )
-from cutbench.maps.dataset import LABELS, MapRow, axes_of, axis_of, places_of, regime_of, row_of
-from cutbench.maps.map_cases import case_on, physics_by_place
+from cutbench.maps.dataset import (
+    LABELS,
+    MapRow,
+    axes_of,
+    axis_of,
+    case_on,
+    physics_by_place,
+    places_of,
+    regime_of,
+    row_of,
+)
+from cutbench.maps.marked_materials import differing_groups
 from cutbench.maps.uncertainty import MODEL, NUMERICS, log_ratio, total_change, uncertainty_strips, undecided
 from cutbench.run.measures import ABRUPT, ABRUPT_DROP, SMOOTH, UNCUT, UNDECIDED
 from cutbench.run.result import Result
@@ -119,24 +128,13 @@ class Guide:
         return "\n".join(lines)
 
 
-class Reader(Protocol):
-    """Knows margins between runs, by place."""
-
-    def place(self, case: Case) -> dict[str, float] | None:
-        """Where a case is; None where nothing is known of it."""
-
-    def margin(self, at: list[dict[str, float]]) -> tuple[np.ndarray, np.ndarray]:
-        """Margin and its standard deviation (n,) at places; nan where nothing is cut."""
-
-
 class AtlasReader:
     """The runs that the package brings along as a function of place, by group."""
 
     def __init__(self, atlas: Atlas, case: Case):
         """Of cuts as deep as ``case``, which lies ``at``. Raises NotInAtlas."""
-        self._atlas = atlas
+        self._atlas, self._depth = atlas, depth_of(case)
         self.at = self.of(case)
-        self._depth = depth_of(case)
 
     def of(self, case: Case) -> dict[str, float]:
         """Where a case is. Raises NotInAtlas."""
@@ -144,17 +142,18 @@ class AtlasReader:
         return dict(zip([side.name for side in self._atlas.space.ranges], values, strict=True))
 
     def place(self, case: Case) -> dict[str, float] | None:
+        """Where a case is; None where nothing is known of it."""
         try:
             return self.of(case)
         except NotInAtlas:
             return None
 
     def margin(self, at: list[dict[str, float]]) -> tuple[np.ndarray, np.ndarray]:
+        """Margin and its standard deviation (n,) at places; nan where nothing is cut."""
         depths = np.full(len(at), self._depth)
-        known = self._atlas.measures(np.array([list(place.values()) for place in at]), depths)
-        mean, score, _ = margins_by_atlas(known, ABRUPT_DROP)
-        uncut = known.uncut(depths) > 0.5
-        return np.where(uncut, np.nan, mean), spread_of(mean, score)
+        estimates = self._atlas.measures(np.array([list(place.values()) for place in at]), depths)
+        mean, score, _ = margins_by_atlas(estimates, ABRUPT_DROP)
+        return np.where(estimates.uncut(depths) > 0.5, np.nan, mean), spread_of(mean, score)
 
 
 class MapReader:
@@ -163,7 +162,6 @@ class MapReader:
     def __init__(self, data: xr.Dataset, switched: dict[str, float] | None = None):
         """``switched``: the state of each axis that is a mechanism's switch. Raises BadInput if the map has
         too few runs there."""
-        self.data = data
         self.axes = [axis_of(data, name) for name in axes_of(data)]
         self.free = [axis for axis in self.axes if not axis.mechanism]
         at, values = places_of(data), margins_of(data)
@@ -173,8 +171,7 @@ class MapReader:
         if keep.sum() < 4:
             raise BadInput("map", data.attrs["title"], "at least 4 runs that reached their depth")
         self._of = {axis.name: _unit_coordinate(axis) for axis in self.free}
-        x = np.stack([self._of[axis.name](at[axis.name][keep]) for axis in self.free], axis=1)
-        y = values[keep]
+        x, y = self._coordinates({name: along[keep] for name, along in at.items()}), values[keep]
         if y.size > _MAX_RUNS:
             nearest = np.argsort(np.abs(y), kind="stable")
             chosen = np.sort(
@@ -184,48 +181,40 @@ class MapReader:
         self._between = margins_between(x, limited_slope(x, y))
 
     def place(self, case: Case) -> dict[str, float] | None:
+        """Where a case is; None off the map."""
         at, _ = values_on(self.axes, case)
         return at if self.inside(at) else None
 
     def inside(self, at: dict[str, float]) -> bool:
         """Whether a place is on the map."""
-        return all(-1e-3 <= float(self._of[a.name](np.array(at[a.name]))) <= 1 + 1e-3 for a in self.free)
+        return all(-1e-3 <= self._of[a.name](np.array(at[a.name])) <= 1 + 1e-3 for a in self.free)
+
+    def _coordinates(self, at: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Places, by axis, in the unit box (n, d)."""
+        return np.stack([self._of[axis.name](at[axis.name]) for axis in self.free], axis=1)
 
     def margin(self, at: list[dict[str, float]]) -> tuple[np.ndarray, np.ndarray]:
-        x = np.array([[float(self._of[a.name](np.array(p[a.name]))) for a in self.free] for p in at])
+        """Margin and its standard deviation (n,) at places."""
+        x = self._coordinates({axis.name: np.array([p[axis.name] for p in at]) for axis in self.free})
         return self._between.mean(x), self._between.spread(x)
+
+
+Reader = AtlasReader | MapReader
 
 
 def margins_of(data: xr.Dataset) -> np.ndarray:
     """The margin of each point of a map; nan where no run reached its depth."""
     uncut = data["label"].values == LABELS.index(UNCUT)
-    found = margin(
+    margins = margin(
         data["drop_rel"].values, data["surge"].values, uncut,
         drop=data.attrs["drop_threshold"], surge_min=data.attrs["surge_threshold"],
     )  # fmt: skip
-    return np.where(data["label"].values == 0, np.nan, found)
+    return np.where(data["label"].values == 0, np.nan, margins)
 
 
 def guide(data: xr.Dataset, material: str) -> Guide:
-    """Find what would move a material across the boundary that a map has.
-
-    Parameters
-    ----------
-    data : xarray.Dataset
-        The map.
-    material : str
-        A known name, or a case file.
-
-    Returns
-    -------
-    Guide
-        Where the material is, and the changes that would move it across, soonest first.
-
-    Raises
-    ------
-    BadInput
-        If it has no place on the map, or the map too few runs.
-    """
+    """Find what would move a material, a known name or a case file, across the boundary that a map has.
+    Raises BadInput if it has no place on the map, or the map too few runs."""
     case = load_case(material)
     axes = [axis_of(data, name) for name in axes_of(data)]
     at, missing = values_on(axes, case)
@@ -237,33 +226,15 @@ def guide(data: xr.Dataset, material: str) -> Guide:
             f"{a.name} {a.values[0]:.3g} to {a.values[-1]:.3g} (it has {at[a.name]:.3g})" for a in reader.free
         )
         raise BadInput("--material", material, f"a material within the map: {ranges}")
-    found = _guide(reader, case, at)
-    doubt = _undecided_reason(data, found.margin)
-    return replace(
-        found, regime=UNDECIDED if doubt else found.regime, doubt=doubt, differs=_differences(data, case, at)
-    )
+    by_map, differs = _guide(reader, case, at), differing_groups(physics_by_place(data)(at), case)
+    doubt = _undecided_reason(data, by_map.margin)
+    return replace(by_map, regime=UNDECIDED if doubt else by_map.regime, doubt=doubt, differs=differs)
 
 
 def guide_by_atlas(material: str | Case) -> Guide:
-    """Find what would move a material across the boundary, by the runs that the package brings along.
-
-    Parameters
-    ----------
-    material : str or Case
-        A known name, a case file, or a case.
-
-    Returns
-    -------
-    Guide
-        Where the material is, and the changes that would move it across, soonest first.
-
-    Raises
-    ------
-    NotInAtlas
-        If these runs say nothing of it.
-    BadInput
-        If it is not cut at its depth.
-    """
+    """Find what would move a material, a known name, a case file or a case, across the boundary by the runs
+    that the package brings along. Raises NotInAtlas if they say nothing of it, BadInput if it is not cut at
+    its depth."""
     case = material if isinstance(material, Case) else load_case(material)
     reader = AtlasReader(shipped(), case)
     if np.isnan(reader.margin([reader.at])[0][0]):
@@ -278,11 +249,11 @@ def _guide(reader: Reader, case: Case, at: dict[str, float]) -> Guide:
         if parameter not in case.values:
             still[lever] = f"its model has no {parameter}"
             continue
-        found = [_change_along_lever(reader, case, lever, parameter, way, mean >= 0) for way in (1, -1)]
-        moved = [f for f in found if isinstance(f, LeverChange)]
+        ways = [_change_along_lever(reader, case, lever, parameter, way, mean >= 0) for way in (1, -1)]
+        moved = [change for change in ways if isinstance(change, LeverChange)]
         changes += moved
         if not moved:
-            still[lever] = str(max(found, key=lambda reason: len(str(reason))))
+            still[lever] = str(max(ways, key=lambda reason: len(str(reason))))
     changes.sort(key=lambda change: (change.effort, change.to))
     sure = bool(abs(mean) > NORMAL_QUANTILE * spread)
     side = ABRUPT if mean >= 0 else SMOOTH
@@ -380,7 +351,7 @@ class CheckedChange:
 
 
 def check(
-    data: xr.Dataset, found: Guide, runs: str | Path, run: Callable[[Case], Result] | None = None
+    data: xr.Dataset, guided: Guide, runs: str | Path, run: Callable[[Case], Result] | None = None
 ) -> CheckedChange:
     """Run the map's case at the material's place and after the first change; they go into the store ``runs``.
 
@@ -388,9 +359,10 @@ def check(
     """
     from cutbench.run.pool.worker import computed
 
-    if not found.changes:
-        raise BadInput("--check", found.material, "a material that a change moves across")
-    cases = [case_on(data, at) for at in (found.at, found.changes[0].at)]
+    if not guided.changes:
+        raise BadInput("--check", guided.material, "a material that a change moves across")
+    at = guided.at, guided.changes[0].at
+    cases = [case_on(data, each) for each in at]
     store, rows = Store(runs), []
     for case in cases:
         result = store.get(case.id)
@@ -398,12 +370,12 @@ def check(
             result = computed(run, case)
             store.put(result)
         rows.append(row_of(result, regime_of(data)))
-    places = [", ".join(f"{n} {v:.4g}" for n, v in at.items()) for at in (found.at, found.changes[0].at)]
-    a, b = (case.values for case in cases)
-    known = cases[0].model.parameters()
-    moved = [f"{n} {known[n].show(a[n])} and {known[n].show(b[n])}" for n in a if n in known and a[n] != b[n]]
+    first, then = (", ".join(f"{name} {value:.4g}" for name, value in each.items()) for each in at)
+    (a, b), parameters = (case.values for case in cases), cases[0].model.parameters()
+    changed = [(n, parameters[n]) for n in a if n in parameters and a[n] != b[n]]
+    moved = [f"{n} {q.show(a[n])} and {q.show(b[n])}" for n, q in changed]
     before, after = rows
-    return CheckedChange(before, after, f"at {places[0]} and at {places[1]} ({', '.join(moved)})")
+    return CheckedChange(before, after, f"at {first} and at {then} ({', '.join(moved)})")
 
 
 def _unit_coordinate(axis: Axis) -> Callable[[np.ndarray], np.ndarray]:
@@ -417,13 +389,3 @@ def _unit_coordinate(axis: Axis) -> Callable[[np.ndarray], np.ndarray]:
     small = min(abs(v) for v in axis.values if v)
     ends = np.arcsinh(np.array([low, high]) / small)
     return lambda v: (np.arcsinh(np.asarray(v) / small) - ends[0]) / (ends[1] - ends[0])
-
-
-def _differences(data: xr.Dataset, case: Case, at: dict[str, float]) -> dict[str, tuple[float, float]]:
-    """Dimensionless groups of the map's own case and of the material where they differ by a per cent."""
-    ours, theirs = physics_by_place(data)(at).groups(), case.groups()
-    return {
-        name: (ours[name], theirs[name])
-        for name in ours.keys() & theirs.keys()
-        if not math.isclose(ours[name], theirs[name], rel_tol=0.01, abs_tol=1e-9)
-    }

@@ -12,6 +12,7 @@ from cutbench.base.errors import BadInput, require
 from cutbench.case import materials
 from cutbench.case.case import Case, load_case
 from cutbench.case.motion import TRANSITION
+from cutbench.case.physics import Physics
 from cutbench.maps.axes import Axis, values_on
 
 
@@ -50,15 +51,23 @@ def read_mark(
     return Mark(own.name, at, case, differs)
 
 
-def _differences(there: Case, own: Case) -> str:
-    """``μ = 0.35``, ``with gent``: what is the material's own and not the map's."""
-    ours, theirs = there.groups(), own.groups()
-    known = own.model.parameters()
-    parts = [
-        f"{known[name].symbol if name in known else name} = {theirs[name]:.3g}"
+def differing_groups(here: Case | Physics, own: Case) -> dict[str, tuple[float, float]]:
+    """Dimensionless groups of a map's own case and of a material where they differ by a per cent."""
+    ours, theirs = here.groups(), own.groups()
+    return {
+        name: (ours[name], theirs[name])
         for name in theirs
         if name in ours and not math.isclose(ours[name], theirs[name], rel_tol=0.01, abs_tol=1e-9)
+    }
+
+
+def _differences(here: Case, own: Case) -> str:
+    """``μ = 0.35``, ``with gent``: what is the material's own and not the map's."""
+    declared = own.model.parameters()
+    parts = [
+        f"{declared[name].symbol if name in declared else name} = {theirs:.3g}"
+        for name, (_, theirs) in differing_groups(here, own).items()
     ]
-    for word, a, b in (("with", own, there), ("without", there, own)):
+    for word, a, b in (("with", own, here), ("without", here, own)):
         parts += [f"{word} {name}" for name in a.mechanisms if name not in b.mechanisms]
     return ", ".join(parts)

@@ -30,7 +30,6 @@ from cutbench.base.units import Parameter
 from cutbench.case.case import Case
 from cutbench.case.physics import Physics
 from cutbench.maps.axes import Axis
-from cutbench.maps.boundary_line import shown_strips
 from cutbench.maps.closed_form_estimates import margin_on_grid
 from cutbench.maps.dataset import (
     ESTIMATE,
@@ -41,11 +40,13 @@ from cutbench.maps.dataset import (
     MapRun,
     axes_of,
     axis_of,
+    computed_by,
+    physics_by_place,
     places_of,
     runs_of,
 )
 from cutbench.maps.guidance import MapReader
-from cutbench.maps.map_cases import computed_by, physics_by_place
+from cutbench.maps.phase import shown_strips
 from cutbench.maps.plot_coordinates import DROP_COLOURS, SMALLEST_IN_LOG, between, drop_text
 from cutbench.run.figures.curve import ledger_shares, look_of, smooth_force, title_of
 from cutbench.run.measures import NOTED, UNCUT, forward

@@ -56,24 +56,24 @@ def between(data: xr.Dataset, name: str) -> xr.DataArray:
         return data[f"{name}_expected"]
     values = data[name]
     places = np.argwhere(np.ones(values.shape)) / np.maximum(np.array(values.shape) - 1, 1)
-    known = np.isfinite(values.values).ravel()
-    if not known.any():
+    finite = np.isfinite(values.values).ravel()
+    if not finite.any():
         return values
-    size = np.log(np.maximum(values.values.ravel()[known], SMALLEST_IN_LOG))
+    logarithms = np.log(np.maximum(values.values.ravel()[finite], SMALLEST_IN_LOG))
     if len(values.shape) == 1:
-        return values.copy(data=np.exp(np.interp(places[:, 0], places[known, 0], size)))
-    found = NearestNDInterpolator(places[known], size)(places)
-    spread = np.linalg.matrix_rank(places[known] - places[known].mean(axis=0)) if known.sum() > 1 else 0
+        return values.copy(data=np.exp(np.interp(places[:, 0], places[finite, 0], logarithms)))
+    filled = NearestNDInterpolator(places[finite], logarithms)(places)
+    spread = np.linalg.matrix_rank(places[finite] - places[finite].mean(axis=0)) if finite.sum() > 1 else 0
     if spread == len(values.shape):
-        inner = LinearNDInterpolator(places[known], size)(places)
-        found = np.where(np.isfinite(inner), inner, found)
-    return values.copy(data=np.exp(found).reshape(values.shape))
+        inner = LinearNDInterpolator(places[finite], logarithms)(places)
+        filled = np.where(np.isfinite(inner), inner, filled)
+    return values.copy(data=np.exp(filled).reshape(values.shape))
 
 
 def slab(whole: xr.Dataset, data: xr.Dataset, panel: str, level: int) -> xr.Dataset:
     """The part of ``whole`` that is nearer to this panel than to any other."""
-    shown = [int(np.argmin(np.abs(whole[panel].values - v))) for v in data[panel].values]
-    nearest = np.argmin(np.abs(np.arange(whole.sizes[panel])[:, None] - shown), axis=1)
+    places = [int(np.argmin(np.abs(whole[panel].values - v))) for v in data[panel].values]
+    nearest = np.argmin(np.abs(np.arange(whole.sizes[panel])[:, None] - places), axis=1)
     return whole.isel({panel: np.flatnonzero(nearest == level)})
 
 

@@ -66,30 +66,30 @@ def rest_variables(
     ``rest`` is the run at rest of each run, ``measures`` are those of runs that have ended.
     """
 
-    def of(id: str, name: str) -> float:
-        return measures.get(id, {}).get(name, math.nan)
-
-    def array(values, dtype) -> np.ndarray:
-        return np.array(values, dtype=dtype).reshape(ids.shape)
+    def of(runs: list[str], name: str) -> list[float]:
+        return [measures.get(id, {}).get(name, math.nan) for id in runs]
 
     runs = [str(id) for id in ids.ravel()]
     stills = [rest.get(id, "") for id in runs]
-    kinds = [
-        KINDS.index(kind(of(id, "front_speed"), of(still, "front_speed")))
-        for id, still in zip(runs, stills, strict=True)
-    ]
+    speeds = zip(of(runs, "front_speed"), of(stills, "front_speed"), strict=True)
+    kinds = [KINDS.index(kind(*both)) for both in speeds]
     about = {
         "units": "1", "long_name": "limit point at rest, and the speed of the front",
         "flag_values": np.arange(len(KINDS), dtype=np.int8), "flag_meanings": " ".join(KINDS),
         "snap_speed": SNAP_SPEED, "rest": REST,
     }  # fmt: skip
-    found: dict[str, tuple[np.ndarray, dict[str, object]]] = {
-        name: (array([of(still, measure) for still in stills], float), {"units": unit, "long_name": text})
-        for name, (measure, unit, text) in AT_REST.items()
+    columns: dict[str, tuple[list, type, dict[str, object]]] = {
+        **{
+            name: (of(stills, measure), float, {"units": unit, "long_name": text})
+            for name, (measure, unit, text) in AT_REST.items()
+        },
+        KIND: (kinds, np.int8, about),
+        "rest_run_id": (stills, str, {"long_name": "the run at rest; its folder in the store"}),
     }
-    found[KIND] = array(kinds, np.int8), about
-    found["rest_run_id"] = array(stills, str), {"long_name": "the run at rest; its folder in the store"}
-    return found
+    return {
+        name: (np.array(values, dtype=dtype).reshape(ids.shape), said)
+        for name, (values, dtype, said) in columns.items()
+    }
 
 
 def kind_sentences(data: xr.Dataset) -> list[str]:

@@ -1,25 +1,31 @@
-"""Which runs a study asks for next, given those that have ended: all at once, or round by round."""
+"""Which runs a study asks for next, given those that have ended: all at once, or round by round; and how many
+there are, and about how long they take, before anything is run."""
 
 from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping
+import os
+import time
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-
-import numpy as np
+from functools import cache
+from pathlib import Path
 
 from cutbench.base.errors import BadInput
-from cutbench.case.case import Case
+from cutbench.case.case import Case, load_case
 from cutbench.case.model_alternatives import alternative_cases
+from cutbench.case.motion import TRANSITION
 from cutbench.maps.atlas_map import expected_margins
 from cutbench.maps.axes import BOUNDARY
-from cutbench.maps.boundary import BoundaryEstimate, BoundarySearch, Index, margin
-from cutbench.maps.dataset import MapRow
+from cutbench.maps.boundary import BoundaryEstimate, BoundarySearch, Index, levels_of
+from cutbench.maps.dataset import MapRow, row_of
 from cutbench.maps.regimes import quasi_static_case
 from cutbench.maps.study import Study
 from cutbench.maps.uncertainty import RepeatedRuns, log_ratio, nearest_to_boundary
-from cutbench.run.measures import UNCUT
+from cutbench.run.pool.pool import cores
+from cutbench.run.runner import run_case
+from cutbench.run.store.runs import Store
 
 #: So many runs come before those of the marked materials.
 _RUNS_BEFORE_MARKS = 8
@@ -58,18 +64,18 @@ class SamplingPlan:
         wanted = self.study.doubtful
         if self.checks.refined or self.checks.alternatives or not (wanted.runs or wanted.bands):
             return []
-        r = {
-            index: log_ratio(margin_of(rows[id], self.study)) for index, id in self.ids.items() if id in rows
-        }
+        margins = {i: rows[id].margin(self.study.regime) for i, id in self.ids.items() if id in rows}
+        r = {index: log_ratio(each) for index, each in margins.items() if not math.isnan(each)}
         names = [axis.name for axis in self.study.axes]
         panel = names.index(self.study.plot.panel) if self.study.plot.panel in names else None
-        near = nearest_to_boundary({index: each for index, each in r.items() if not math.isnan(each)}, panel)
-        most = max(wanted.runs, wanted.bands)
-        at = {self.ids[index]: [axis.values[i] for axis, i in zip(self.study.axes, index, strict=True)]
-              for index in near}  # fmt: skip
-        chosen = list(at)[:most]  # two places may be one run
-        cases = {id: self.study.case_at(at[id]) for id in chosen}
+        places = {self.ids[index]: index for index in nearest_to_boundary(r, panel)}  # two may be one run
+        chosen = list(places)[: max(wanted.runs, wanted.bands)]
+        cases = {id: self.study.case_at(self.values_at(places[id])) for id in chosen}
         return self.checks.ask(cases, chosen, wanted.runs, wanted.bands)
+
+    def values_at(self, index: Index) -> list[float]:
+        """The values of the axes at a place of a grid."""
+        return [axis.values[i] for axis, i in zip(self.study.axes, index, strict=True)]
 
     def ask(self, rows: Mapping[str, MapRow]) -> list[Case]:
         """The next cases, in order; none when the study is done. ``rows`` are all that have ended."""
@@ -101,9 +107,10 @@ class SamplingPlan:
 
 @dataclass
 class _Level:
-    """One combination of levels: its indices by axis, and the search over the other axes."""
+    """One combination of levels: its indices, where it lies in the map, and its search."""
 
-    fixed: dict[int, int]
+    chosen: Index
+    where: tuple[slice | int, ...]
     search: BoundarySearch
     places: dict[Index, Index] = field(default_factory=dict)  # in the box -> in the map
     done: bool = False
@@ -114,16 +121,14 @@ class BoundaryPlan(SamplingPlan):
 
     def __init__(self, study: Study):
         super().__init__(study)
-        if study.search is None:
-            raise ValueError("a study without a search has no boundary plan")
-        self._free = [k for k, axis in enumerate(study.axes) if axis.continuous]
-        levels = [k for k in range(len(study.axes)) if k not in self._free]
-        shape = tuple(study.shape[k] for k in self._free)
+        assert study.search is not None, "a study that seeks a boundary says how"
+        shape = tuple(len(axis.values) for axis in study.axes if axis.continuous)
         expected = expected_margins(study)
         self.informed = bool(expected)
         self._levels = [
             _Level(
-                dict(zip(levels, chosen, strict=True)),
+                chosen,
+                where,
                 BoundarySearch(
                     shape,
                     start=study.search.start,
@@ -132,7 +137,7 @@ class BoundaryPlan(SamplingPlan):
                     expected=expected.get(chosen),
                 ),
             )
-            for chosen in itertools.product(*(range(study.shape[k]) for k in levels))
+            for chosen, where in levels_of(study.axes)
         ]
 
     @property
@@ -159,19 +164,18 @@ class BoundaryPlan(SamplingPlan):
 
     def _next(self, level: _Level, rows: Mapping[str, MapRow]) -> list[Index]:
         """The next round of one search; none while runs of the last are under way, and when it is done."""
-        known = self._known(level, rows)
-        if level.done or len(known) < len(level.places):
+        margins = self._margins(level, rows)
+        if level.done or len(margins) < len(level.places):
             return []
-        asked = level.search.ask(known)
+        asked = level.search.ask(margins)
         level.done = not asked
         return asked
 
     def _case(self, level: _Level, inner: Index) -> list[Case]:
-        place = dict(zip(self._free, inner, strict=True)) | level.fixed
-        index = level.places[inner] = tuple(place[k] for k in range(len(place)))
-        values = [axis.values[i] for axis, i in zip(self.study.axes, index, strict=True)]
+        along = iter(inner)
+        index = level.places[inner] = tuple(k if isinstance(k, int) else next(along) for k in level.where)
         try:
-            case = self.study.case_at(values)
+            case = self.study.case_at(self.values_at(index))
         except BadInput as error:  # a place in the middle that the corners did not foretell
             self.ids[index] = f"none-{'-'.join(map(str, index))}"
             self.impossible[self.ids[index]] = MapRow("failed", str(error))
@@ -180,15 +184,12 @@ class BoundaryPlan(SamplingPlan):
         return [case]
 
     def estimates(self, rows: Mapping[str, MapRow]) -> dict[Index, BoundaryEstimate]:
-        return {
-            tuple(level.fixed.values()): level.search.estimate(self._known(level, rows))
-            for level in self._levels
-        }
+        return {level.chosen: level.search.estimate(self._margins(level, rows)) for level in self._levels}
 
-    def _known(self, level: _Level, rows: Mapping[str, MapRow]) -> dict[Index, float]:
+    def _margins(self, level: _Level, rows: Mapping[str, MapRow]) -> dict[Index, float]:
+        ended = {**self.impossible, **rows}
         ids = {inner: self.ids[index] for inner, index in level.places.items()}
-        outcomes = {inner: rows.get(id) or self.impossible.get(id) for inner, id in ids.items()}
-        return {inner: margin_of(row, self.study) for inner, row in outcomes.items() if row is not None}
+        return {inner: ended[id].margin(self.study.regime) for inner, id in ids.items() if id in ended}
 
 
 def plan_of(study: Study) -> SamplingPlan:
@@ -196,14 +197,99 @@ def plan_of(study: Study) -> SamplingPlan:
     return BoundaryPlan(study) if study.mode == BOUNDARY else SamplingPlan(study)
 
 
-def margin_of(row: MapRow, study: Study) -> float:
-    """A run's margin against the study's thresholds; nan if it did not end well."""
-    if row.outcome != "done":
-        return math.nan
-    regime = study.regime
-    surge_min = math.nan if regime.surge_min is None else regime.surge_min
-    result = margin(
-        np.array(row.measures["drop_rel"]), np.array(row.measures["surge"]), np.array(row.label == UNCUT),
-        drop=regime.drop, surge_min=surge_min,
-    )  # fmt: skip
-    return float(result)
+#: Where no such run is in the store: what a blade thickness of travel takes at default numerics in times of a
+#: ``probe`` on this machine, how many times as much with friction and on elements and steps half as large,
+#: and the travel of a run until its transition in thicknesses (``studies/transition.toml``).
+PER_THICKNESS, RUBBING, REFINED, TRANSITION_TRAVEL = 3.15, 4.0, 5.0, 60 / 7
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """``reused`` runs are in the store; ``first`` are to be computed for certain, ``max_runs`` if a search
+    takes all that it may. A run takes ``seconds``, the mean of ``timed`` in the store (0: by a short run)."""
+
+    reused: int
+    first: int
+    max_runs: int
+    seconds: float
+    timed: int
+    workers: int
+
+    @property
+    def total_s(self) -> float:
+        """Wall time of ``max_runs`` runs on the workers."""
+        return self.max_runs * self.seconds / max(self.workers, 1)
+
+    def text(self) -> str:
+        """In one sentence."""
+        runs = f"{self.first}" if self.first == self.max_runs else f"{self.first} to {self.max_runs}"
+        source = f"the mean of {self.timed} in the store" if self.timed else "by a short run here and now"
+        hands = f"{self.workers} workers" if self.workers > 1 else "one process"
+        most = "" if self.first == self.max_runs else "at most "
+        time = f"{self.total_s / 60:.2g} minutes" if self.total_s >= 60 else f"{self.total_s:.2g} s"
+        return (
+            f"{runs} runs to compute, {self.reused} in the store: {most}about {time} on {hands}"
+            f" ({self.seconds:.2g} s a run, {source})"
+        )
+
+
+def forecast(
+    study: Study,
+    store: str | os.PathLike[str],
+    workers: int | None = None,
+    also: Sequence[str | os.PathLike[str]] = (),
+) -> Forecast:
+    """How many runs ``run_study`` would compute, and about how long: nothing is run, nothing written.
+
+    There are the runs that are in the folder ``store``, there or not, and in
+    those that are there ``also``."""
+    plan, stores = plan_of(study), [Store(each) for each in (store, *also) if Path(each).is_dir()]
+    rows: dict[str, MapRow] = {}
+    missing: set[str] = set()
+    times: list[float] = []
+    while not missing and (asked := [case for case in plan.ask(rows) if case.id not in rows]):
+        for case in asked:
+            result = next((run for each in stores if (run := each.get(case.id)) is not None), None)
+            if result is None:
+                missing.add(case.id)
+            else:
+                rows[case.id] = row_of(result, study.regime)
+                times.append(result.timings.get("total", 0.0))
+    if not times:
+        alike, heads = study.base.to_dict()["numerics"], [h for each in stores for h in each.heads().values()]
+        times = [head["seconds"] for head in heads
+                 if head["seconds"] and head["numerics"] == alike
+                 and head["computation"] == study.base.computation]  # fmt: skip
+    most = plan.max_runs - len(rows) if study.search and missing else len(missing)
+    if times:
+        seconds = sum(times) / len(times)
+    elif not missing:
+        seconds = 0.0
+    else:
+        rates = [_rate(case) for case in plan_of(study).ask({})]
+        finer = min(study.doubtful.runs, most) * (REFINED - 1)
+        seconds = probe() * sum(rates) / len(rates) * (1 + finer / most)
+    hands = cores() if workers is None else workers
+    return Forecast(len(rows), len(missing), most, seconds, len(times), max(hands, 1))
+
+
+def _rate(case: Case) -> float:
+    """What a run takes, in times of a probe."""
+    travel = case.p.depth / case.unit_mm
+    travel = min(travel, TRANSITION_TRAVEL) if case.until == TRANSITION else travel
+    rubs = any(
+        case.values[q.name] > 0 for law in case.model.all if law.role == "friction" for q in law.parameters
+    )
+    return PER_THICKNESS * travel * (RUBBING if rubs else 1.0)
+
+
+@cache
+def probe() -> float:
+    """Seconds of one core that a short run takes on this machine, once its loops are compiled."""
+    case = load_case("gelatin", {"depth": "0.5 mm", "numerics": "fast"})
+    taken = []
+    for _ in range(3):
+        began = time.process_time()
+        run_case(case)
+        taken.append(time.process_time() - began)
+    return min(taken)

@@ -20,7 +20,7 @@ import numpy as np
 import xarray as xr
 
 from cutbench.base.errors import BadInput, ComputationFailed
-from cutbench.base.files import folder_lock, write_text
+from cutbench.base.files import check_writable, folder_lock, write_text
 from cutbench.base.notebook import watched
 from cutbench.base.progress import OnProgress, silent
 from cutbench.case.case import Case
@@ -35,7 +35,6 @@ from cutbench.maps.sampling_plan import plan_of
 from cutbench.maps.study import Study, load_study
 from cutbench.run.pool.pool import Done, Job, TaskPool
 from cutbench.run.pool.worker import PoolLost, Run, WorkerLost, failure, work
-from cutbench.run.result import Result
 from cutbench.run.store.runs import Store
 
 #: Part of the time that may go into writing the map while runs are computed, and how long it is at least, s,
@@ -56,27 +55,10 @@ class Status:
 
 @dataclass(frozen=True)
 class Sweep:
-    """A sweep is what running a study has left: its map, its folder, and whether it is whole.
+    """A sweep is what running a study has left: its ``map`` as in ``map.nc``, its folder ``out``, and how it
+    ended.
 
-    Attributes
-    ----------
-    map : xarray.Dataset
-        As in ``map.nc``.
-    out : Path
-        The folder of the sweep.
-    status : Status
-        How many runs were asked for, have ended, fell short, and were in the store before.
-    interrupted : bool
-        Whether it was stopped before its end.
-    verdict : str
-        What a search for the boundary came to; empty where there was none.
-    seconds : float, s
-        Wall time.
-    workers : int
-        How many computed.
-    busy : float
-        Part of the workers' time that was spent in runs.
-    """
+    ``verdict`` is what a search for the boundary came to, empty where there was none."""
 
     map: xr.Dataset
     out: Path
@@ -98,25 +80,20 @@ class Sweep:
         return findings(self.map)
 
     def words(self) -> list[str]:
-        """Say what there is to say of the map.
-
-        Returns
-        -------
-        list of str
-            Its findings, the boundary that was sought, the classical estimates; a line each.
-        """
-        found = []
+        """What there is to say of the map: its findings, the boundary that was sought, the classical
+        estimates; a line each."""
+        lines = []
         here = self.status.finished - self.status.reused
         if here and self.busy:
             processes = "a worker" if self.workers == 1 else f"{self.workers} workers"
-            found.append(
+            lines.append(
                 f"{60 * here / self.seconds:.3g} runs a minute; {100 * self.busy:.0f} % of the time of"
                 f" {processes} was spent in them"
             )
-        found += self.findings.lines()
+        lines += self.findings.lines()
         if not self.interrupted:
-            found += boundary_sentences(self.map)
-        return [*found, self.verdict] if self.verdict else found
+            lines += boundary_sentences(self.map)
+        return [*lines, self.verdict] if self.verdict else lines
 
 
 @watched("runs")
@@ -198,11 +175,7 @@ def run_study(
     (True, {'uncut': 2})
     """
     study = study if isinstance(study, Study) else load_study(Path(study))
-    out = Path(out)
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise BadInput("out", str(out), f"a folder that can be written ({error.strerror})") from error
+    out = check_writable(Path(out))
     sweep = _Sweep(study, out, Store(store or out / "runs"), run, on_progress, retry_failed)
     sweep.pace, sweep.pictures = (first_picture_s, picture_every_s), pictures
     for folder in map(Path, also):
@@ -315,7 +288,10 @@ class _Sweep:
             new = {id: case for id, case in asked.items() if id not in self.cases}
             self.cases |= new
             for id in new:
-                result = self.store.get(id) or self._taken_over(id)
+                result = self.store.get(id)
+                elsewhere = (other.get(id) for other in self.others)
+                if result is None and (result := next(filter(None, elsewhere), None)):
+                    self.store.put(result)
                 if result is not None and not (self.replace and not result.outcome.done):
                     self.rows[id] = row_of(result, self.study.regime)
                     self.reused += 1
@@ -323,13 +299,6 @@ class _Sweep:
                     self.todo.append(id)
             self._report()
         return True
-
-    def _taken_over(self, id: str) -> Result | None:
-        """A run out of another store, which is then in this one."""
-        result = next((found for other in self.others if (found := other.get(id)) is not None), None)
-        if result is not None:
-            self.store.put(result)
-        return result
 
     def ended(self, id: str) -> None:
         """Take a run that is in the store into the map."""
@@ -364,14 +333,14 @@ class _Sweep:
         try:
             save_map(data, self.out)
             self.written = len(self.rows)
-            shown = data if last else under_way(data, self.drops)
+            drawn_map = data if last else under_way(data, self.drops)
             if drawn and self.pictures:
-                save_phase(shown, self.out)
+                save_phase(drawn_map, self.out)
             if last and self.pictures:
                 words = compare(data).text(), save_collapse(data, self.out)[1]
                 self.verdict = " ".join(filter(None, words))
             if last or (drawn and self.pictures):
-                write_text(page(shown, self.store), self.out / "map.html")
+                write_text(page(drawn_map, self.store), self.out / "map.html")
             write_text(summary_text(data, [*filter(None, [self.verdict])]), self.out / FILE)
         except OSError as error:
             if last:
@@ -386,6 +355,6 @@ class _Sweep:
 
     def _report(self) -> None:
         status = self._status()
-        notes = [f"{status.reused} from the store"] if status.reused else []
-        notes += [f"{status.failed} failed"] if status.failed else []
-        self.on_progress(status.finished, status.total, ", ".join(notes))
+        notes = (status.reused, "from the store"), (status.failed, "failed")
+        text = ", ".join(f"{count} {what}" for count, what in notes if count)
+        self.on_progress(status.finished, status.total, text)

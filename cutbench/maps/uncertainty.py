@@ -48,6 +48,12 @@ def log_ratio(margin: float) -> float:
     return float(np.clip(np.arctanh(np.clip(margin, -0.9999, 0.9999)), -MAX_LOG_RATIO, MAX_LOG_RATIO))
 
 
+def _changes(r: Mapping[str, float], pairs: Iterable[tuple[str, str]]) -> list[float]:
+    """Of r from a run to its repetition, where both have it."""
+    changes = (r.get(other, math.nan) - r.get(id, math.nan) for id, other in pairs)
+    return [change for change in changes if math.isfinite(change)]
+
+
 @dataclass(frozen=True)
 class UncertaintyStrip:
     """By how much r may change, ``low`` ≤ 0 ≤ ``high``, and how many runs say it; none: not known, 0."""
@@ -71,28 +77,27 @@ class RepeatedRuns:
             asked.append(fine := refined(cases[id]))
             self.refined[id] = fine.id
         for id in near[:bands]:
-            found = alternative_cases(cases[id])[0]
-            self.alternatives[id] = {name: other.id for name, other in found.items()}
-            asked += found.values()
+            others = alternative_cases(cases[id])[0]
+            self.alternatives[id] = {name: other.id for name, other in others.items()}
+            asked += others.values()
         return asked
 
     def numerics(self, r: Mapping[str, float]) -> UncertaintyStrip:
         """From r by id, of all runs that have ended."""
-        shifts = [r.get(fine, math.nan) - r.get(id, math.nan) for id, fine in self.refined.items()]
-        known = np.array([s for s in shifts if math.isfinite(s)])
-        if not known.size:
+        changes = np.array(_changes(r, self.refined.items()))
+        if not changes.size:
             return UncertaintyStrip()
-        wide = NORMAL_QUANTILE * float(known.std(ddof=1)) if known.size > 1 else 0.0
-        mean = float(known.mean())
-        return UncertaintyStrip(min(0.0, mean - wide), max(0.0, mean + wide), known.size)
+        wide = NORMAL_QUANTILE * float(changes.std(ddof=1)) if changes.size > 1 else 0.0
+        mean = float(changes.mean())
+        return UncertaintyStrip(min(0.0, mean - wide), max(0.0, mean + wide), changes.size)
 
     def model(self, r: Mapping[str, float]) -> UncertaintyStrip:
         """Likewise, of what the model leaves open."""
-        ends = []
-        for id, changed in self.alternatives.items():
-            shifts = [r.get(other, math.nan) - r.get(id, math.nan) for other in changed.values()]
-            if known := [s for s in shifts if math.isfinite(s)]:
-                ends.append((min(0.0, *known), max(0.0, *known)))
+        every = [
+            _changes(r, ((id, other) for other in changed.values()))
+            for id, changed in self.alternatives.items()
+        ]
+        ends = [(min(0.0, *changes), max(0.0, *changes)) for changes in every if changes]
         if not ends:
             return UncertaintyStrip()
         low, high = map(float, np.mean(ends, axis=0))
@@ -101,10 +106,10 @@ class RepeatedRuns:
 
 def nearest_to_boundary(r: Mapping[Index, float], panel: int | None) -> list[Index]:
     """Places by |r|, those of all levels of the axis ``panel`` in turn; none that says only its side."""
-    known = sorted((i for i in r if abs(r[i]) < MAX_LOG_RATIO), key=lambda i: (abs(r[i]), i))
+    near = sorted((i for i in r if abs(r[i]) < MAX_LOG_RATIO), key=lambda i: (abs(r[i]), i))
     if panel is None:
-        return known
-    levels = [[i for i in known if i[panel] == level] for level in sorted({i[panel] for i in known})]
+        return near
+    levels = [[i for i in near if i[panel] == level] for level in sorted({i[panel] for i in near})]
     return [i for turn in itertools.zip_longest(*levels) for i in turn if i is not None]
 
 
@@ -112,9 +117,12 @@ def uncertainty_strips(data: xr.Dataset) -> dict[str, UncertaintyStrip]:
     """A map's strips by cause; nothing of maps without."""
     if "strip" not in data:
         return {}
-    found = (UncertaintyStrip(float(part.values[0]), float(part.values[1]), int(n)) for part, n in zip(
-        data["strip"], data["strip_runs"].values, strict=True))  # fmt: skip
-    return {cause: strip for cause, strip in zip(data["cause"].values, found, strict=True) if strip.runs}
+    columns = data["cause"].values, data["strip"].values, data["strip_runs"].values
+    return {
+        cause: UncertaintyStrip(float(ends[0]), float(ends[1]), int(runs))
+        for cause, ends, runs in zip(*columns, strict=True)
+        if runs
+    }
 
 
 def total_change(strips: Iterable[UncertaintyStrip]) -> tuple[float, float]:
@@ -138,11 +146,11 @@ def uncertainty_variables(
         array = np.array([values.get(str(id), math.nan) for id in ids.ravel()]).reshape(ids.shape)
         return dims, array, {"units": "1", "long_name": f"logarithm of measure over threshold, {text}"}
 
-    known = {
-        id: [s for other in changed.values() if math.isfinite(s := r.get(other, math.nan))]
+    bands = {
+        id: values
         for id, changed in checks.alternatives.items()
+        if (values := [s for other in changed.values() if math.isfinite(s := r.get(other, math.nan))])
     }
-    bands = {id: values for id, values in known.items() if values}
     fine = {id: r.get(other, math.nan) for id, other in checks.refined.items()}
     names = np.array([checks.refined.get(str(id), "") for id in ids.ravel()]).reshape(ids.shape)
     ends = np.array([[s.low, s.high] for s in strips.values()])

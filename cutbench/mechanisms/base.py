@@ -233,12 +233,12 @@ class Cut(Mechanism):
 
 def cut_answers(laws: Sequence[Cut], jump: np.ndarray, p: Params, state: State, at: Points) -> list[Answer]:
     """What the cut laws of a model, by rank, answer, each with ``at.before``; ``state`` is of all."""
-    found: list[Answer] = []
+    answers: list[Answer] = []
     for law in laws:
-        seen = {other.role: answer for other, answer in zip(laws, found, strict=False)}
+        seen = {other.role: answer for other, answer in zip(laws, answers, strict=False)}
         traction, new = law.traction(jump, p, state, Points(**{**vars(at), "before": seen}))
-        found.append(Answer(traction, new, state))
-    return found
+        answers.append(Answer(traction, new, state))
+    return answers
 
 
 class Blade(Mechanism):
@@ -361,3 +361,29 @@ class Rig(Mechanism):
         Laws are applied in ascending rank, each to what the one before has recorded.
         """
         raise NotImplementedError(self.name)
+
+
+#: What belongs to the test, not to a law, and what every law may read: the block and the blade's way.
+SPECIMEN = (
+    Parameter.positive(
+        "width",
+        "mm",
+        "W",
+        "specimen across the blade",
+        default=30.0,
+        trial=("with a specimen half as wide", 0.5),
+    ),
+    Parameter.positive("length", "mm", "L", "specimen along the blade", default=30.0),
+    Parameter.positive("height", "mm", "H", "specimen height", default=21.0),
+    Parameter(
+        "precut", "mm", "c_0", "depth to which it is cut before the test", low=0, default=0.0, typical=5.0
+    ),
+)
+PROTOCOL = (
+    Parameter.positive(
+        "speed", "mm/s", "v", "blade speed", default=0.021, lever="speed", trial=("ten times as fast", 10.0)
+    ),
+    Parameter.positive(
+        "depth", "mm", "u", "blade travel (default: to 4 thicknesses above the base)", typical=21.0
+    ),
+)

@@ -37,15 +37,15 @@ def registry() -> dict[str, Mechanism]:
     """
     laws = [law for module in _modules() for law in laws_of(module)]
     laws.sort(key=lambda law: (SLOTS.index(law.slot), law.rank, law.name))
-    found: dict[str, Mechanism] = {}
+    by_name: dict[str, Mechanism] = {}
     for law in laws:
-        other = found.setdefault(law.name, law)
+        other = by_name.setdefault(law.name, law)
         if other is not law and type(other) is not type(law):
             expected = f"a name that no other mechanism has; {file_of(other)} has it"
             raise BadInput(file=str(file_of(law)), key="name", value=law.name, expected=expected)
-    for law in found.values():
-        refuse_incomplete(law, found)
-    return found
+    for law in by_name.values():
+        refuse_incomplete(law, by_name)
+    return by_name
 
 
 def known_mechanisms() -> dict[str, Mechanism]:

@@ -11,8 +11,19 @@ import numpy as np
 
 from cutbench.base.errors import BadInput
 from cutbench.base.units import Parameter
-from cutbench.mechanisms.base import Blade, Bulk, Cut, Mechanism, Points, Rig, Skin, Support, cut_answers
-from cutbench.mechanisms.specimen_and_protocol import PROTOCOL, SPECIMEN
+from cutbench.mechanisms.base import (
+    PROTOCOL,
+    SPECIMEN,
+    Blade,
+    Bulk,
+    Cut,
+    Mechanism,
+    Points,
+    Rig,
+    Skin,
+    Support,
+    cut_answers,
+)
 
 #: The base of each slot and the methods that a law of it must have.
 BASES: dict[str, tuple[type[Mechanism], tuple[str, ...]]] = {
@@ -51,12 +62,12 @@ def _telling(q: Parameter) -> float:
 def refuse_incomplete(law: Mechanism, known: Mapping[str, Mechanism]) -> None:
     """Raises BadInput, which names the law, its file and what is missing; ``known`` has all laws by name."""
     try:
-        found = next(_missing(law, known), None)
+        fault = next(_missing(law, known), None)
     except Exception as error:  # whatever a law does wrong
-        found = f"fails with {type(error).__name__}: {error}", "a law that answers at typical values"
-    if found:
+        fault = f"fails with {type(error).__name__}: {error}", "a law that answers at typical values"
+    if fault:
         file = inspect.getsourcefile(type(law))
-        raise BadInput(file=file, key=law.name, value=found[0], expected=found[1])
+        raise BadInput(file=file, key=law.name, value=fault[0], expected=fault[1])
 
 
 def _missing(law: Mechanism, known: Mapping[str, Mechanism]) -> Iterator[tuple[str, str]]:
@@ -90,9 +101,9 @@ def _missing(law: Mechanism, known: Mapping[str, Mechanism]) -> Iterator[tuple[s
         one, other = ("start", "traction") if name in begun else ("traction", "start")
         yield f"'{name}' from {one}() only", f"it from {other}() too: what is not returned is not kept"
     if law.role == "cohesive":
-        found = law.estimate(typical(law, known), 0.0, 0.0)
+        estimate = law.estimate(typical(law, known), 0.0, 0.0)
         for name in ("strength", "opening"):
-            if not getattr(found, name):
+            if not getattr(estimate, name):
                 yield f"no '{name}' from estimate()", f"the cohesion's {name} at its peak"
 
 

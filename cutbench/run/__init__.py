@@ -10,8 +10,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     submod_attrs={
         "checkpoint": ["Checkpoint"],
         "files": ["read_curve", "read_run", "write_run"],
-        "outcome": ["Outcome"],
-        "result": ["Result", "Snapshot"],
+        "result": ["Outcome", "Result", "Snapshot"],
         "runner": ["run_case"],
         "snap_back": ["trace_snap_back"],
         "store.runs": ["Store"],

@@ -45,8 +45,8 @@ def blade_mesh(case: Case, travel_mm: float, top_mm: float) -> meshio.Mesh:
             places.append(np.column_stack([lie.c * x + lie.s * along, height, lie.c * along - lie.s * x]))
         points = np.concatenate(places)
         on = np.roll(loop, -1)
-        cells = [("quad", np.column_stack([loop, on, on + n, loop + n]))]
-        cells.append(("polygon", np.stack([loop[::-1], loop + n])))
+        sides, closed = np.column_stack([loop, on, on + n, loop + n]), np.stack([loop[::-1], loop + n])
+        cells = [("quad", sides), ("polygon", closed)]
     way = np.zeros_like(points)
     way[:, 1] = -travel_mm
     return meshio.Mesh(points, cells, point_data={"displacement_mm": way})

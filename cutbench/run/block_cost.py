@@ -31,10 +31,10 @@ def expected_seconds(block: Case, like: Result) -> float:
     for way_mm in (0.0, _MOVED * block.unit_mm):
         problem.timer = timer = Timer()
         moved = u + way_mm * np.sin(np.arange(u.size) / _WAVES)
-        found = problem.evaluate(moved, states, step)
+        state = problem.evaluate(moved, states, step)
         try:
-            problem.factorize(found.data)
-            problem.back_substitute(found.residual)
+            problem.factorize(state.data)
+            problem.back_substitute(state.residual)
         except SingularMatrix:
             return math.nan
         problem.evaluate(moved * (1 + 1e-6), states, step)

@@ -27,19 +27,10 @@ NAME = "checkpoint.npz"
 
 @dataclass
 class Checkpoint:
-    """A checkpoint keeps a run's state in a file, from which the run goes on after it was killed.
+    """A checkpoint keeps a run's state in the file ``path``, from which the run goes on after it was killed.
 
-    A file of another run, or of other code, is ignored, and replaced.
-
-    Attributes
-    ----------
-    path : Path
-        The file.
-    key : str
-        Which run the file belongs to: its id, which other code changes.
-    every_s : float, s
-        It is written at most this often.
-    """
+    ``key`` says which run it belongs to, by its id, which other code changes: a file of another run, or of
+    other code, is ignored, and replaced. It is written every ``every_s`` seconds at the most."""
 
     path: Path
     key: str
@@ -48,13 +39,7 @@ class Checkpoint:
     _written: float = field(default_factory=time.monotonic, repr=False)
 
     def load(self) -> dict | None:
-        """Read the state that was kept for this run.
-
-        Returns
-        -------
-        dict or None
-            The tree that was offered last, None where there is none or it cannot be used.
-        """
+        """The tree that was offered last for this run; None where there is none or it cannot be used."""
         try:
             with np.load(self.path, allow_pickle=False) as file:
                 head = json.loads(str(file["head"]))
@@ -66,13 +51,8 @@ class Checkpoint:
             return None
 
     def offer(self, state: dict) -> None:
-        """Offer a state to keep from now on; it is written when it is time to.
-
-        Parameters
-        ----------
-        state : dict
-            The tree to keep: dictionaries, lists, arrays and plain values, which do not change any more.
-        """
+        """Offer a tree to keep from now on, of dictionaries, lists, arrays and plain values that do not
+        change any more; it is written when it is time to."""
         self._latest = state
         if time.monotonic() - self._written >= self.every_s:
             self.write()

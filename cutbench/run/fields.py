@@ -1,17 +1,19 @@
-"""Fields at a converged step, on nodes and on the faces that the blade touches."""
+"""Fields at a converged step, on nodes and on the faces that the blade touches; and frames, spread evenly
+over all of a run's time, however far it goes."""
 
 from __future__ import annotations
 
+import contextlib
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from cutbench.base.errors import BadInput
 from cutbench.forms.base import blend, gather
 from cutbench.forms.mixed import MixedVolumetric
 from cutbench.mechanisms.bulk._isotropic import det
 from cutbench.run.build import Built
-from cutbench.run.frames import Frames
 from cutbench.run.ledger import Ledger
 from cutbench.run.observer import Observer
 from cutbench.run.remeshing import RemeshedMarch
@@ -177,3 +179,64 @@ def _face(built: Built, form, step: Accepted, name: str, part: slice) -> dict[st
         out["opening_mm"] = np.zeros(count)
         out["damage"] = np.zeros(count)
     return out
+
+
+#: More than a film of half a minute has.
+MAX_FRAMES = 500
+#: So many snapshots for a frame are kept while the end is not known: the one that is shown is then no farther
+#: from its place than about a quarter of the way to the next.
+_SPARE = 4
+
+
+def checked_frames(count: int | str | None) -> int:
+    """How many frames are kept, of a number or its text; 0 for None. Raises BadInput."""
+    if count is None:
+        return 0
+    number = 0
+    with contextlib.suppress(TypeError, ValueError, OverflowError):
+        number = int(count)
+    if count not in (number, str(number)) or not 1 <= number <= MAX_FRAMES:
+        raise BadInput("frames", count, f"a whole number from 1 to {MAX_FRAMES}")
+    return number
+
+
+class Frames:
+    """``count`` frames of a run that ends nobody knows where.
+
+    Of all steps some are kept: where there are too many, the one goes whose neighbours are closest to each
+    other. So memory is bounded, and what is left is spread over the time so far.
+    """
+
+    def __init__(self, count: int):
+        self.count = count
+        self.kept: list[Snapshot] = []
+
+    def wants(self, time_s: float) -> bool:
+        """Whether a snapshot at ``time_s`` is worth its making: those too close to the last are not."""
+        if not self.count:
+            return False
+        return not self.kept or time_s - self.kept[-1].time_s > time_s / (2 * _SPARE * self.count)
+
+    def add(self, picture: Snapshot) -> None:
+        """Keep ``picture``, later than all before."""
+        self.kept.append(picture)
+        if len(self.kept) > _SPARE * self.count:
+            times = np.array([0.0, *(each.time_s for each in self.kept)])
+            # Of all but the last, which may be the end.
+            self.kept.pop(int(np.argmin(times[2:] - times[:-2])))
+
+    def ended(self, time_s: float, last: Callable[[], Snapshot] | None) -> list[Snapshot]:
+        """The frames of a run that has ended at ``time_s``, where ``last`` makes a snapshot: nearest to each
+        ``count``-th part of its time. All, where it had fewer steps."""
+        if self.count and last is not None and (not self.kept or self.kept[-1].time_s < time_s):
+            self.add(last())
+        total = len(self.kept)
+        if total <= self.count:
+            return list(self.kept)
+        times, chosen, picked = np.array([each.time_s for each in self.kept]), -1, []
+        for k in range(1, self.count + 1):
+            nearest = int(np.argmin(np.abs(times - times[-1] * k / self.count)))
+            # Each once, and enough left for those that follow.
+            chosen = min(max(nearest, chosen + 1), total - 1 - (self.count - k))
+            picked.append(self.kept[chosen])
+        return picked

@@ -35,32 +35,12 @@ PICTURES = ("section.png", "solid.png", "solid.html", "cut_plane.png", "front.pn
 def write_run(
     result: Result, out_dir: str | Path, *, command: str | None = None, plane: Result | None = None
 ) -> dict[str, Path]:
-    """Write everything about a run into a folder.
+    """Write everything about a run into a folder; the paths by name.
 
-    Files of an earlier run in the same folder are replaced; numbers are written before pictures.
-
-    Parameters
-    ----------
-    result : Result
-        The run.
-    out_dir : str or Path
-        The folder.
-    command : str, optional
-        Recorded as the line that made the run; this process's command line unless given.
-    plane : Result, optional
-        The plane-strain run that a block is drawn beside.
-
-    Returns
-    -------
-    dict of str to Path
-        The paths by name.
-
-    Raises
-    ------
-    BadInput
-        If the folder cannot be written to, or another process writes there for longer than ``WAIT_S``
-        seconds.
-    """
+    Files of an earlier run in the same folder are replaced; numbers are written before pictures. ``command``
+    is recorded as the line that the run came from, this process's unless it is said; ``plane`` is the
+    plane-strain run that a block is drawn beside. Raises BadInput if the folder cannot be written to, or
+    another process writes there for longer than ``WAIT_S`` seconds."""
     from cutbench.run.figures import plot_curve, plot_section
     from cutbench.run.figures.motion import save_frames
     from cutbench.run.figures.solid import save_solid
@@ -135,33 +115,18 @@ def write_curve(curve: Mapping[str, np.ndarray], path: str | Path, names: Sequen
 
 def _slopes(result: Result) -> dict[str, np.ndarray]:
     """Travel, and dF/dθ in N per unit of each parameter as a person writes it."""
-    known = result.case.model.parameters()
+    parameters = result.case.model.parameters()
     columns = {"displacement_mm": result.displacement_mm}
     for name, slope in result.sensitivities.items():
-        q = known[name]
+        q = parameters[name]
         unit = "" if q.unit == "1" else "_per_" + q.unit.replace("/", "_per_").replace("^", "")
         columns[f"dF_d{name}_N{unit}"] = slope * q.factor
     return columns
 
 
 def read_curve(path: str | Path) -> dict[str, np.ndarray]:
-    """Read the curve of a run from its CSV file.
-
-    Parameters
-    ----------
-    path : str or Path
-        A curve.csv, or a run's folder.
-
-    Returns
-    -------
-    dict of str to ndarray, shape (n,)
-        Columns by name, with the unit in the name.
-
-    Raises
-    ------
-    BadInput
-        For a file that is not there or is no curve; it names file and line.
-    """
+    """Read the curve of a run from a curve.csv or a run's folder: columns (n,) by name, with the unit in the
+    name. Raises BadInput, with file and line, for a file that is not there or is no curve."""
     path = Path(path)
     path = path / "curve.csv" if path.is_dir() else path
     try:
@@ -192,23 +157,8 @@ def read_curve(path: str | Path) -> dict[str, np.ndarray]:
 
 
 def read_run(out_dir: str | Path) -> Result:
-    """Read a run as ``write_run`` left it, without its fields.
-
-    Parameters
-    ----------
-    out_dir : str or Path
-        The run's folder.
-
-    Returns
-    -------
-    Result
-        Case, curve, outcome, measures and cost.
-
-    Raises
-    ------
-    BadInput
-        Where the folder holds no run, run.json cannot be read, or curve.csv is of another run.
-    """
+    """Read a run as ``write_run`` left it, without its fields. Raises BadInput where the folder holds no
+    run, run.json cannot be read, or curve.csv is of another run."""
     path = Path(out_dir) / "run.json"
     try:
         record = json.loads(path.read_text(encoding="utf-8"))

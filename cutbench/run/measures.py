@@ -2,13 +2,16 @@
 
 A curve is read as the polygon through its points, and every measure is taken from that polygon
 itself, so that points added along its lines, or taken elsewhere on a smooth curve, change nothing
-but the polygon's own error.
+but the polygon's own error. A run says where its front is; a laboratory has the force alone, and literature
+often no more than some numbers of it: what is read off those is in ``READ_OFF``.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -255,8 +258,8 @@ def at_the_front(d: np.ndarray, c: np.ndarray, window: float, onset: float) -> t
     if math.isnan(onset):
         return math.nan, math.nan
     end = min(d[-1], onset + (TRANSITION + FRONT) * window)
-    there = d <= end
-    return fastest(np.append(d[there], end), np.append(c[there], np.interp(end, d, c)), FRONT * window)
+    until = d <= end
+    return fastest(np.append(d[until], end), np.append(c[until], np.interp(end, d, c)), FRONT * window)
 
 
 def fastest(d: np.ndarray, c: np.ndarray, window: float) -> tuple[float, float]:
@@ -269,3 +272,73 @@ def fastest(d: np.ndarray, c: np.ndarray, window: float) -> tuple[float, float]:
     before = np.concatenate([c[begin], np.interp(d[end] - window, d, c)])
     best = int(np.argmax(after - before))
     return float(x[best]), float(max(after[best] - before[best], 0.0) / window)
+
+
+#: Over this part of the blade's thickness the slope of a curve is taken to find the end of indentation.
+ALONG = 0.25
+#: Indentation ends where the force rises by less than this part of what it rose by at its steepest.
+FLATTER = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class ForceCurve:
+    """Force ``F`` (n,) in N over travel ``d`` (n,) in mm, of a blade of ``thickness`` in mm, and what is read
+    off it. What a curve does not have is nan."""
+
+    d: np.ndarray
+    F: np.ndarray
+    thickness: float
+
+    @cached_property
+    def onset(self) -> float:
+        """The travel at which indentation ends: where the force first rises half as fast as at its steepest
+        until then."""
+        d, w = self.d, self.thickness
+        spacing = ALONG * w / 10
+        x = np.arange(d[0], d[-1] + spacing, spacing)
+        force = np.interp(x, d, self.F)
+        slope = (force[10:] - force[:-10]) / (ALONG * w)
+        if slope.size < 2:
+            return math.nan
+        # Forward from a thickness on: how a blade touches is no end of indentation.
+        least = FLATTER * np.maximum.accumulate(slope)
+        first = int(np.searchsorted(x[5:-5], d[0] + w))
+        return first_crossing(x[5:-5][first:], (least - slope)[first:], 0.0)
+
+    @cached_property
+    def begun(self) -> float:
+        """The onset, or the end of the travel without one."""
+        return float(self.d[-1]) if math.isnan(self.onset) else self.onset
+
+    @property
+    def fall(self) -> float:
+        """Largest relative fall of the mean force within a thickness of travel at the transition."""
+        return relative_fall(self.d, self.F, self.thickness, self.begun, 0.0)
+
+    @cached_property
+    def tail(self) -> tuple[float, float]:
+        """Mean and slope of the force behind the transition, of the last part of the travel."""
+        d, w = self.d, self.thickness
+        start = max(d[-1] - TAIL * (d[-1] - d[0]), self.onset + SETTLED * w)
+        return (math.nan, math.nan) if not d[-1] - start >= w else steady_force(d, self.F, start, d[-1])
+
+
+_WORK = "mJ", "work of the blade", lambda c: float(np.trapezoid(c.F, c.d))
+#: By name: unit, what it is, and how it is read off a curve.
+READ_OFF: dict[str, tuple[str, str, Callable[[ForceCurve], float]]] = {
+    "onset": ("mm", "travel at the end of indentation", lambda c: c.onset),
+    # Up to a thickness behind the end of indentation.
+    "peak": ("N", "largest force of the transition",
+             lambda c: float(c.F[c.d <= c.begun + c.thickness].max())),
+    "drop": ("1", "relative fall of the force within a thickness of travel at the transition",
+             lambda c: c.fall),
+    "plateau": ("N", "mean force behind the transition", lambda c: c.tail[0]),
+    "plateau_from": (
+        "mm", "travel at which the force first is that of the plateau",
+        lambda c: first_crossing(*blurred(c.d, c.F, c.thickness / 2, c.d[0], c.d[-1]), c.tail[0]),
+    ),
+    "slope": ("N/mm", "slope of the force behind the transition", lambda c: c.tail[1]),
+    "work": _WORK,
+    "firmness": ("N", "largest force", lambda c: float(c.F.max())),
+    "work_of_shear": _WORK,
+}  # fmt: skip

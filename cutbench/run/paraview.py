@@ -71,21 +71,8 @@ def write_fields(
 def read_fields(out_dir: str | Path) -> list[Snapshot]:
     """The snapshots that ``write_fields`` left in a run's folder, in order; none where there are none.
 
-    Parameters
-    ----------
-    out_dir : str or Path
-        The run's folder.
-
-    Returns
-    -------
-    list of Snapshot
-        Their travel is that of the blade, and 0 of a run without one; their time is not known.
-
-    Raises
-    ------
-    BadInput
-        Where a file of the series cannot be read.
-    """
+    Their travel is that of the blade, and 0 of a run without one; their time is not known. Raises BadInput
+    where a file of the series cannot be read."""
     found = []
     for path in sorted((Path(out_dir) / "fields").glob("fields_*.vtu")):
         body, faces = (

@@ -1,8 +1,10 @@
-"""What a run leaves behind: its curve, its fields at chosen depths, and how it ended."""
+"""What a run leaves behind: its curve, its fields at chosen depths, how it ended and, where it fell short,
+what to try; and what it has to say, in one sentence."""
 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar, Final, Protocol
@@ -13,10 +15,7 @@ from cutbench.base.display import Displayed
 from cutbench.base.versions import versions
 from cutbench.case.case import Case
 from cutbench.case.motion import TRANSITION
-from cutbench.run.outcome import Outcome, run_sentence
-
-_LEADING = ("displacement_mm", "force_N", "time_s", "cut_length_mm")
-_TRAILING = ("reaction_N", "closure")
+from cutbench.run.measures import ABRUPT, ABRUPT_DROP, BRIDGED, KNOWN, UNDECIDED, label
 
 #: Entries of the energy ledger that are no mechanisms: energy lost in jumps, where surfaces press on
 #: themselves, and what new meshes add.
@@ -33,29 +32,14 @@ SLOPE = "displacement_by_"
 class Snapshot:
     """A snapshot holds the fields of a run at one blade travel.
 
-    n is the number of nodes, m of elements, nn of nodes in an element, q of quadrature points on a face.
-
-    Attributes
-    ----------
-    displacement_mm : float, mm
-        Blade travel.
-    points : ndarray, shape (n, 3), mm
-        Positions in the reference state.
-    cells : ndarray, shape (m, nn)
-        Indices into ``points``, in meshio's order.
-    cell_type : str
-        ``triangle``, ``triangle6``, ``tetra`` or ``tetra10``.
-    point_data : dict of str to ndarray
-        ``displacement`` (n, 3) in mm, ``piola`` and ``cauchy`` (n, 9) in MPa row by row, ``von_mises`` (n,)
-        in MPa. Of a run that is differentiated also du/dθ (n, 3), in mm per internal unit, under ``SLOPE``
-        and the parameter's name.
-    faces : dict of str to dict of str to ndarray
-        For ``"cut"`` and ``"top"`` what is known at that face's quadrature points: ``X``, ``x`` (q, 3) in mm
-        in the reference and the current state, ``opening_mm``, ``damage``, ``contact_pressure_MPa``,
-        ``tangential_traction_MPa``, ``contact_state``, ``touched``, each (q,) or (q, 3).
-    time_s : float, s
-        The run's time, nan where it is not known.
-    """
+    ``points`` (n, 3) in mm are the nodes in the reference state, ``cells`` (m, nn) indices into them in
+    meshio's order, of ``cell_type`` ``triangle``, ``triangle6``, ``tetra`` or ``tetra10``. ``point_data``
+    has ``displacement`` (n, 3) in mm, ``piola`` and ``cauchy`` (n, 9) in MPa row by row, ``von_mises`` (n,)
+    in MPa; of a run that is differentiated also du/dθ (n, 3), in mm per internal unit, under ``SLOPE`` and
+    the parameter's name. ``faces`` has for ``"cut"`` and ``"top"`` what is known at that face's q quadrature
+    points: ``X``, ``x`` (q, 3) in mm in the reference and the current state, ``opening_mm``, ``damage``,
+    ``contact_pressure_MPa``, ``tangential_traction_MPa``, ``contact_state``, ``touched``, each (q,) or (q,
+    3). ``time_s`` is the run's time, nan where it is not known."""
 
     displacement_mm: float
     points: np.ndarray
@@ -196,22 +180,18 @@ class Result(Displayed):
 
 def ledger_entries(columns: Sequence[str]) -> tuple[str, ...]:
     """Names between ``force_`` and ``_N``, or ``work_`` and ``_mJ``, in order of appearance."""
-    names: dict[str, None] = {}
-    for column in columns:
-        for head, tail in (("force_", "_N"), ("work_", "_mJ")):
-            # "force_N" itself has no name between head and tail.
-            if column.startswith(head) and column.endswith(tail) and len(column) > len(head) + len(tail):
-                names[column[len(head) : -len(tail)]] = None
-    return tuple(names)
+    matches = [re.fullmatch(r"force_(.+)_N|work_(.+)_mJ", column) for column in columns]
+    return tuple(dict.fromkeys(match[1] or match[2] for match in matches if match))
 
 
 def ordered_columns(columns: Sequence[str]) -> list[str]:
     """The columns of ``curve.csv`` in its stated order; unknown ones stand before the closing two."""
     entries = ledger_entries(columns)
     ledger = [f"force_{m}_N" for m in entries] + [f"work_{m}_mJ" for m in entries]
-    known = [*_LEADING, *ledger, *_TRAILING]
-    others = [c for c in columns if c not in known]
-    return [c for c in (*_LEADING, *ledger, *others, *_TRAILING) if c in columns]
+    leading = ("displacement_mm", "force_N", "time_s", "cut_length_mm")
+    trailing = ("reaction_N", "closure")
+    others = [c for c in columns if c not in (*leading, *ledger, *trailing)]
+    return [c for c in (*leading, *ledger, *others, *trailing) if c in columns]
 
 
 #: What a summary has, in the order in which a person asks: measure, format and unit.
@@ -227,14 +207,118 @@ _SUMMARY = {
 
 def summary_lines(result: Result) -> list:
     """A run in a few lines: a head, then pairs of words."""
-    case, found = result.case, result.measures
+    case, measures = result.case, result.measures
     lines = [("found", result.sentence())]
     if not result.outcome.done:
         lines.append(("ended", str(result.outcome)))
-    cut = np.isfinite(found.get("onset_mm", np.nan))
+    cut = np.isfinite(measures.get("onset_mm", np.nan))
     for words, (name, form, unit) in _SUMMARY.items():
         # Without a cut there is no force of cutting.
-        if (cut or name in ("energy_mJ", "closure")) and np.isfinite(value := found.get(name, np.nan)):
+        if (cut or name in ("energy_mJ", "closure")) and np.isfinite(value := measures.get(name, np.nan)):
             lines.append((words, f"{value:{form}} {unit}".rstrip()))
     steps = f"{len(result.displacement_mm)} steps, {result.timings.get('total', 0):.3g} s"
     return [f"{case.name}, {case.dim}D, run {result.id}", *lines, ("cost", steps)]
+
+
+#: How a run can end; only ``"done"`` reached what was asked for, its depth or its transition.
+OUTCOMES: Final = ("done", "stalled", "interrupted", "failed")
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """An outcome says how a run ended and, where it fell short, what to try.
+
+    Attributes
+    ----------
+    kind : str
+        ``done`` (its depth or its transition was reached), ``stalled`` (no smaller step converged),
+        ``interrupted`` or ``failed``.
+    message : str
+        How it ended, in words.
+    advice : str
+        What to try; empty where nothing needs to be.
+    reached_mm : float, mm
+        Blade travel at the end.
+
+    Raises
+    ------
+    ValueError
+        For another kind.
+
+    Examples
+    --------
+    >>> import cutbench
+    >>> outcome = cutbench.Outcome("stalled", "no smaller step converges at 3 mm.", "Try a smaller h.", 3.0)
+    >>> print(outcome)
+    stalled: no smaller step converges at 3 mm. Try a smaller h.
+    >>> outcome.done
+    False
+    """
+
+    kind: str
+    message: str
+    advice: str = ""
+    reached_mm: float = 0.0
+
+    def __post_init__(self):
+        if self.kind not in OUTCOMES:
+            raise ValueError(f"outcome '{self.kind}' is none of {', '.join(OUTCOMES)}")
+
+    @property
+    def done(self) -> bool:
+        """Whether the run reached what was asked for, its depth or its transition."""
+        return self.kind == "done"
+
+    def __str__(self) -> str:
+        return f"{self.kind}: {self.message}" + (f" {self.advice}" if self.advice else "")
+
+
+def friction_advice(case: Case, onset_mm: float) -> str:
+    """What there is to know of a blade that rubs and has not cut; empty for any other."""
+    laws = [law for law in case.model.laws("blade") if law.role == "friction"]
+    rubs = {name: off for law in laws for name, off in law.off.items() if case.values[name] != off}
+    if not rubs or not math.isnan(onset_mm):
+        return ""
+    without = ", ".join(f"{name} = {off:g}" for name, off in rubs.items())
+    return (
+        "Friction may hold the surface under the edge, so that it is pressed in and not stretched: a run with"
+        f" {without} says whether. Friction that saturates lets an edge enter."
+    )
+
+
+def run_sentence(
+    case: Case, outcome: Outcome, measures: Mapping[str, float], band: tuple[float, float] | None = None
+) -> str:
+    """What a run with these ``measures`` found; ``band``: the least and the largest drop over what the model
+    leaves open. One that fell short says where; one that ended within its transition, that it did."""
+    if outcome.kind == "failed":
+        return str(outcome)
+    drop, onset = measures.get("drop_rel", math.nan), measures.get("onset_mm", math.nan)
+    window, reached = case.values.get("thickness", math.nan), outcome.reached_mm
+    end = "" if outcome.done else f", where it {'stalled' if outcome.kind == 'stalled' else 'was stopped'}"
+    if math.isnan(drop):
+        return f"not cut {'further ' if case.p.precut else ''}to {reached:.3g} mm{end}"
+    bridged = measures.get("front_bridged", 0.0)
+    what, known = label(drop, bridged=bridged), reached >= (onset + KNOWN * window) * (1 - 1e-9)
+    over = ""
+    if band is not None:
+        low, high = band
+        over = f" ({_percent(low, unit=False)} to {_percent(high)} over what the model leaves open)"
+        what = UNDECIDED if label(low) != label(high) else what
+    falls = f"does not fall; it is cut from {onset:.3g} mm on"
+    if drop or over:
+        falls = f"falls by {_percent(drop)}{over} within {window:g} mm at {onset:.3g} mm"
+    soon = "" if known or what == ABRUPT else " so far"
+    tail = f"; abrupt begins at {_percent(ABRUPT_DROP)}" if what == UNDECIDED else ""
+    if what == UNDECIDED and bridged > BRIDGED:
+        cuts = "uncut material between cuts, which thinner layers may not have"
+        tail = f"; {_percent(bridged)} of the blade has {cuts}"
+    if not known or not outcome.done:
+        tail += f"; known to {reached:.3g} mm{end}"
+    return f"{what}{soon}: the force {falls}{tail}"
+
+
+def _percent(part: float, *, unit: bool = True) -> str:
+    """In two digits; in three beside the threshold, so that it is seen on which side."""
+    digits = 3 if 0 < abs(part - ABRUPT_DROP) < 5e-3 else 2
+    return f"{100 * part:.{digits}g}" + " %" * unit

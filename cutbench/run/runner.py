@@ -16,15 +16,13 @@ from cutbench.base.progress import COMPILING, OnProgress, silent
 from cutbench.case.case import Case
 from cutbench.case.values import check_driven
 from cutbench.run.checkpoint import Checkpoint
-from cutbench.run.fields import Fields
-from cutbench.run.frames import checked_frames
+from cutbench.run.fields import Fields, checked_frames
 from cutbench.run.front import Front, Middle
 from cutbench.run.ledger import Ledger, freed_rel, jumps_advice, jumps_rel
 from cutbench.run.measures import forward, measures
 from cutbench.run.observer import Observer
-from cutbench.run.outcome import friction_advice
 from cutbench.run.remeshing import Place, RemeshedMarch, Transfer
-from cutbench.run.result import OnStep, Result, unwatched
+from cutbench.run.result import OnStep, Result, friction_advice, unwatched
 from cutbench.run.self_intersection import SelfIntersection
 from cutbench.run.sensitivity import Added, Following, checked
 from cutbench.run.stopping_criterion import StoppingCriterion

@@ -8,7 +8,7 @@ from cutbench.case.case import Case
 from cutbench.case.motion import TRANSITION, Motion
 from cutbench.run.ledger import Ledger
 from cutbench.run.measures import KNOWN, ONSET, first_crossing
-from cutbench.run.outcome import Outcome
+from cutbench.run.result import Outcome
 
 #: What to try when a run stalls, by a word of the reason.
 _ADVICE = {

@@ -21,7 +21,7 @@ from cutbench.case.numerics import defaults
 from cutbench.models3d.strip import strip
 from cutbench.run.build import Built, build
 from cutbench.run.measures import ONSET, first_crossing
-from cutbench.run.outcome import Outcome
+from cutbench.run.result import Outcome
 from cutbench.solver.march import Load, Stalled
 from cutbench.solver.problem import Evaluation, Problem
 
@@ -51,26 +51,10 @@ MEASURES: dict[str, tuple[str, str]] = {
 class Tension:
     """A tension test is a strip that was pulled until it tore or reached its elongation.
 
-    n is the number of steps that are kept, the start among them.
-
-    Attributes
-    ----------
-    case : Case
-        The strip, from ``strip_case``.
-    notch_mm : float, mm
-        Length of the notch; 0 for none.
-    curve : dict of str to ndarray, shape (n,)
-        Columns by name, a value a step: ``elongation_mm``, ``force_N``, ``time_s``, ``stress_MPa`` (nominal),
-        ``cut_length_mm``, ``closure``.
-    outcome : Outcome
-        How it ended.
-    measures : dict of str to float
-        What is read off the curve (``cutbench.run.tension.MEASURES``), units in the names.
-    counts : dict of str to int
-        Steps, iterations and the like.
-    timings : dict of str to float, s
-        Where the time went.
-    """
+    ``case`` is the strip, from ``strip_case``, ``notch_mm`` the length of its notch, 0 for none. ``curve``
+    has columns (n,), a value a step that is kept, the start among them: ``elongation_mm``, ``force_N``,
+    ``time_s``, ``stress_MPa`` (nominal), ``cut_length_mm``, ``closure``. ``measures`` are read off it
+    (``cutbench.run.tension.MEASURES``), units in the names."""
 
     case: Case
     notch_mm: float
@@ -86,28 +70,10 @@ def strip_case(case: Case, changes: Mapping[str, object] | None = None, *, notch
 
     The strip is without blade, rig and skin, and of the paper's size and speed. ``depth`` is the largest
     elongation, by default the height, which is the distance of the clamps. A strip without a notch stays
-    whole: its laws are those of the bulk.
+    whole: its laws are those of the bulk. ``changes``, as ``Case.set`` takes them, are applied at last.
 
-    Parameters
-    ----------
-    case : Case
-        The material, as it is cut.
-    changes : mapping of str to object, optional
-        What ``Case.set`` takes, applied at last.
-    notch_mm : float, mm
-        Length of the notch; 0 for none.
-
-    Returns
-    -------
-    Case
-        What ``run_tension`` takes.
-
-    Raises
-    ------
-    BadInput
-        For a notch as long as the strip is wide, one in a model without a law for the cut plane, or changes
-        that cannot be used.
-    """
+    Raises BadInput for a notch as long as the strip is wide, one in a model without a law for the cut plane,
+    or changes that cannot be used."""
     slots = SLOTS if notch_mm > 0 else SLOTS[:1]
     kept = [law.name for law in case.model.all if law.slot in slots]
     if notch_mm > 0 and not case.model.laws("cut"):
@@ -126,24 +92,11 @@ def strip_case(case: Case, changes: Mapping[str, object] | None = None, *, notch
 
 
 def run_tension(case: Case, notch_mm: float, *, on_progress: OnProgress = silent) -> Tension:
-    """Compute a tension test: pull a strip to its largest elongation, or until it is torn.
+    """Compute a tension test: pull a strip, from ``strip_case``, to its largest elongation, or until it is
+    torn.
 
-    A KeyboardInterrupt ends the test with what it has.
-
-    Parameters
-    ----------
-    case : Case
-        The strip, from ``strip_case``.
-    notch_mm : float, mm
-        Length of the notch; 0 for none.
-    on_progress : callable
-        Called as ``on_progress(done, total, text)`` with elongations in mm and the force.
-
-    Returns
-    -------
-    Tension
-        The curve and the measures; how the test ended is in its ``outcome``.
-    """
+    ``on_progress(done, total, text)`` is called with elongations in mm and the force. A KeyboardInterrupt
+    ends the test with what it has."""
     began = time.perf_counter()
     p = case.p
     geometry = strip(p.width, p.height, p.length, notch_mm, case.sizes.h_mm)

@@ -78,8 +78,8 @@ def confirm(
     from cutbench.maps import dataset as maps
     from cutbench.maps.confirmation import confirm as compare
     from cutbench.maps.confirmation import least_certain, marked_points
-    from cutbench.maps.confirmed_points import FOLDER, NUMERICS, RECORD, UNFINISHED
-    from cutbench.maps.map_cases import remarks
+    from cutbench.maps.dataset import remarks
+    from cutbench.maps.markers import FOLDER, NUMERICS, RECORD, UNFINISHED
     from cutbench.maps.phase import save_phase
 
     count, every_s = whole_number("--points", points), seconds("--checkpoint", checkpoint, 60.0)

@@ -23,8 +23,7 @@ def converge(
     """Change the numerics one by one and say how far each measure moves; start it again to go on."""
     leave_cores_to_workers()
     from cutbench.base.files import check_writable
-    from cutbench.run.convergence import compute, load_plan
-    from cutbench.run.convergence_report import markdown, write
+    from cutbench.run.convergence import compute, load_plan, markdown, write
 
     plan, processes = load_plan(study), whole_number("--workers", workers)
     check_writable(out)

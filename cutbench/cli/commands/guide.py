@@ -29,8 +29,7 @@ def guide(
 ) -> None:
     """Say how far a material is from the other regime, and which change gets it there soonest."""
     from cutbench.maps import guidance as guides
-    from cutbench.maps.dataset import load_map, store_of
-    from cutbench.maps.map_cases import remarks
+    from cutbench.maps.dataset import load_map, remarks, store_of
 
     path = Path(source) / "map.nc" if Path(source).is_dir() else Path(source)
     if not material and path.suffix == ".nc":

@@ -10,7 +10,7 @@ import typer
 from cutbench.cli.options import with_exit_status
 
 if TYPE_CHECKING:
-    from cutbench.maps.map import Map
+    from cutbench.maps.map_folder import Map
     from cutbench.run.result import Result
 
 
@@ -37,7 +37,7 @@ def plot(
     ] = None,
 ) -> None:
     """Draw the pictures of a run or a map again, a map also as a page; or several runs in one picture."""
-    from cutbench.maps.map import Map
+    from cutbench.maps.map_folder import Map
     from cutbench.run.figures import plot_curve, save
     from cutbench.run.figures.solid import save_solid
     from cutbench.run.paraview import read_fields
@@ -63,7 +63,7 @@ def plot(
 def _opened(source: Path) -> Result | Map:
     """The run or the map that lies there. Raises BadInput for anything else."""
     from cutbench.base.errors import BadInput
-    from cutbench.maps.map import Map
+    from cutbench.maps.map_folder import Map
     from cutbench.run.files import read_run
 
     if source.is_dir() and (source / "run.json").is_file():
@@ -109,8 +109,8 @@ def _picture(sources: list[Path], out: Path | None, name: str | None) -> Path:
     from cutbench.base.errors import BadInput
     from cutbench.base.figure_style import SIZES, save
     from cutbench.base.toml import among
-    from cutbench.maps.confirmed_points import FOLDER, RECORD, read_confirmed
-    from cutbench.maps.map import Map
+    from cutbench.maps.map_folder import Map
+    from cutbench.maps.markers import FOLDER, RECORD, read_confirmed
     from cutbench.maps.phase import draw_phase
     from cutbench.run.figures import plot_curve, plot_curves
     from cutbench.run.files import read_run

@@ -51,8 +51,13 @@ def _follow(result: Result, folder: Path) -> None:
     from cutbench.base.files import write_json
     from cutbench.run.figures import save
     from cutbench.run.files import write_curve
-    from cutbench.run.snap_back import INTERRUPTED, trace_snap_back
-    from cutbench.run.snap_back_report import describe_followed, plot_followed, sentence
+    from cutbench.run.snap_back import (
+        INTERRUPTED,
+        describe_followed,
+        plot_followed,
+        sentence,
+        trace_snap_back,
+    )
 
     with bar(result.case.name, "mm") as on_progress:
         found = trace_snap_back(result.case, result, on_progress=on_progress)

@@ -57,7 +57,7 @@ def sweep(
     out = out or Path("maps") / (f"{study.stem}-estimate" if estimate else study.stem)
     plan, processes = load_study(study), whole_number("--workers", workers)
     if dry_run:
-        from cutbench.maps.forecast import forecast
+        from cutbench.maps.sampling_plan import forecast
 
         typer.echo(forecast(plan, store or out / "runs", processes, also or ()).text())
         return

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import zlib
 from collections.abc import Mapping
 from textwrap import wrap
 
@@ -28,7 +29,6 @@ from cutbench.base.figure_style import (
     style,
 )
 from cutbench.mechanisms import registry
-from cutbench.mechanisms.looks import mechanism_look
 from cutbench.run.measures import forward
 from cutbench.run.result import SELF_CONTACT, SNAP, TRANSFER, Result
 
@@ -251,16 +251,33 @@ def ledger_shares(
     return {name: share for name, share in shares.items() if name not in small}, small
 
 
-#: Colour and pattern of entries that no mechanism stands for; "": what is left.
+#: Colour and pattern (plotly's) of entries that no mechanism stands for; "": what is left.
 LOOKS = {SNAP: ("grey", "/"), TRANSFER: ("grey", "."), SELF_CONTACT: ("grey", "x"), "": ("light", "")}
-_GREYS = {"grey": "#9A9A9A", "light": "#D9D9D9"}
+#: Of mechanisms by role: laws of one role replace each other, and look the same.
+ROLES = {
+    "isochoric": ("blue", ""),
+    "volumetric": ("vermilion", "/"),
+    "viscoelastic": ("vermilion", "x"),
+    "softening": ("blue", "x"),
+    "cohesive": ("green", "."),
+    "rate": ("green", "x"),
+    "viscous": ("orange", "\\"),
+    "contact": ("sky", "x"),
+    "adhesion": ("purple", "-"),
+    "friction": ("yellow", "/"),
+    "gradient": ("blue", "+"),
+    "bond": ("orange", "."),
+}
 
 
 def look_of(name: str) -> tuple[str, str]:
     """Colour and pattern (plotly's) of an entry of the ledger, the same in all pictures; ``""``: what is
-    left."""
-    colour, pattern = LOOKS.get(name) or mechanism_look(name)
-    return (COLOURS | _GREYS)[colour], pattern
+    left. Laws without a role of the table, a user's too, have one of each by a digest of the name."""
+    colours, patterns = ("orange", "purple", "sky", "green", "vermilion"), "|+-x/"
+    digest, law = zlib.crc32(name.encode()), registry().get(name)
+    own = colours[digest % len(colours)], patterns[digest // len(colours) % len(patterns)]
+    colour, pattern = LOOKS.get(name) or ROLES.get((law.role if law else None) or "", own)
+    return (COLOURS | {"grey": "#9A9A9A", "light": "#D9D9D9"})[colour], pattern
 
 
 def _look(name: str) -> Look:

@@ -27,16 +27,9 @@ _EDGE_DEG = 40.0
 
 @dataclass(frozen=True)
 class Columns:
-    """The cut plane read along lines down from the top: k lines of n points each.
-
-    Attributes
-    ----------
-    z, y : ndarray, shapes (k,) and (k, n), mm
-        Where they were before loading, y rising.
-    damage : ndarray, shape (k, n)
-    current : ndarray, shape (k, n, 3), mm
-        Where they are.
-    """
+    """The cut plane read along lines down from the top, k lines of n points each: where they were before
+    loading, ``z`` (k,) and ``y`` (k, n), rising, the ``damage`` (k, n), and where they are, ``current`` (k,
+    n, 3), all in mm."""
 
     z: np.ndarray
     y: np.ndarray
@@ -117,23 +110,12 @@ def whole_columns(s: Snapshot) -> Columns:
 class CutOpen:
     """The side x ≥ 0 of a whole block as it is deformed, seen from its cut plane; n nodes, mm and kPa.
 
-    Attributes
-    ----------
-    reference, points : ndarray, shape (n, 3), mm
-        Where the nodes of the surface were, and where they are.
-    stress_kPa : ndarray, shape (n,)
-        Von Mises stress.
-    cut, skin : ndarray, shape (m, 3)
-        Triangles of the cut plane and of the rest of the surface.
-    damage : ndarray, shape (n,)
-        On the cut plane; nan elsewhere.
-    front : ndarray, shape (k, 3), mm
-        Where half of the cohesion is lost, along the blade; empty where nothing is cut.
-    edges : ndarray, shape (e, 2)
-        Edges of the block.
-    blade_points, blade, blade_edges : ndarray, shapes (b, 3), mm, (t, 3) and (f, 2)
-        The blade's surface, of the far part that is shown, and its edges; none without a blade.
-    """
+    ``reference`` and ``points`` (n, 3) are where the nodes of the surface were and are, ``stress_kPa`` (n,)
+    von Mises stress, ``cut`` and ``skin`` (m, 3) triangles of the cut plane and of the rest, ``damage`` (n,)
+    that on the cut plane, nan elsewhere, ``edges`` (e, 2) those of the block. ``front`` (k, 3) is where half
+    of the cohesion is lost, along the blade, empty where nothing is cut. ``blade_points`` (b, 3), ``blade``
+    (t, 3) and ``blade_edges`` (f, 2) are the surface and edges of the far part of the blade that is drawn;
+    none without a blade."""
 
     reference: np.ndarray
     points: np.ndarray

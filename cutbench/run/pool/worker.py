@@ -14,8 +14,7 @@ import numpy as np
 from cutbench.base.errors import ComputationFailed, CutbenchError
 from cutbench.case.case import Case
 from cutbench.run import runner
-from cutbench.run.outcome import Outcome
-from cutbench.run.result import Result
+from cutbench.run.result import Outcome, Result
 from cutbench.run.store.runs import Store
 
 Run = Callable[[Case], Result]

@@ -29,8 +29,7 @@ from cutbench.base.files import number, plain
 from cutbench.base.versions import written_by
 from cutbench.case.case import Case
 from cutbench.case.computation import own_sources
-from cutbench.run.outcome import Outcome
-from cutbench.run.result import Result
+from cutbench.run.result import Outcome, Result
 
 #: Layout of run.json; raised when a reader of the old one would misread the new one.
 SCHEMA = 1
@@ -47,20 +46,10 @@ _UNREADABLE = (
 
 
 class Store:
-    """A store keeps runs in a folder by their ids.
+    """A store keeps runs in the folder ``root`` by their ids.
 
-    Only runs that ended by themselves are kept: an interrupted one has no result.
-
-    Parameters
-    ----------
-    root : str or path
-        The folder; it is made where it is not there.
-
-    Raises
-    ------
-    BadInput
-        If the folder cannot be written.
-    """
+    Only runs that ended by themselves are kept: an interrupted one has no result. Raises BadInput if the
+    folder cannot be written."""
 
     def __init__(self, root: str | os.PathLike[str]):
         self.root = Path(root)
@@ -74,18 +63,7 @@ class Store:
         self._sweep_up()
 
     def path(self, id: str) -> Path:
-        """Return the folder of a run, there or not.
-
-        Parameters
-        ----------
-        id : str
-            The run's id.
-
-        Returns
-        -------
-        Path
-            Where it is, or would be.
-        """
+        """The folder of a run, there or not."""
         return self.root / id[:2] / id
 
     def __contains__(self, id: str) -> bool:
@@ -93,63 +71,25 @@ class Store:
         return self.get(id) is not None
 
     def get(self, id: str) -> Result | None:
-        """Return a run where there is one.
-
-        Parameters
-        ----------
-        id : str
-            The run's id.
-
-        Returns
-        -------
-        Result or None
-            Without snapshots; None where there is none, or only one that cannot be read.
-        """
+        """A run without its snapshots; None where there is none, or only one that cannot be read."""
         try:
             return self.read(id)
         except _UNREADABLE:
             return None
 
     def read(self, id: str) -> Result:
-        """Read a run that must be there; where it may be missing, ``get`` returns None.
+        """Read a run that must be there, without its snapshots; where it may be missing, ``get`` returns
+        None.
 
-        Parameters
-        ----------
-        id : str
-            The run's id.
-
-        Returns
-        -------
-        Result
-            Without snapshots.
-
-        Raises
-        ------
-        BadInput
-            Where its case is none of this cutbench; it names the version that wrote it.
-        OSError, ValueError, KeyError
-            Where it is not there or damaged.
-        """
+        Raises BadInput where its case is none of this cutbench, with the version that wrote it; OSError,
+        ValueError or KeyError where it is not there or damaged."""
         home = self.path(id)
         return result_of(self._record(home), home / "run.json", _read_curve(home / "curve.npz"))
 
     def put(self, result: Result, *, replace: bool = False) -> bool:
-        """Keep a run.
+        """Keep a run, unless it was interrupted; whether it was written.
 
-        An interrupted run is not kept. A damaged entry is replaced.
-
-        Parameters
-        ----------
-        result : Result
-            The run.
-        replace : bool
-            Whether a whole entry that is already there is replaced, too; it stays unless this is given.
-
-        Returns
-        -------
-        bool
-            Whether it was written.
-        """
+        A damaged entry is replaced, a whole one with ``replace`` alone."""
         if result.outcome.kind == "interrupted":
             return False
         id = result.id
@@ -180,27 +120,16 @@ class Store:
         return True
 
     def remove(self, id: str) -> None:
-        """Forget a run, so that it is computed again.
-
-        Parameters
-        ----------
-        id : str
-            The run's id.
-        """
+        """Forget a run, so that it is computed again."""
         if self.path(id).exists():
             self._discard(self.path(id))
 
     def heads(self) -> dict[str, Head]:
-        """Return what there is to say of each run without its curve.
+        """What there is to say of each run without its curve, by id: name, outcome, message, reached_mm,
+        dim, mechanisms, values (with unit), numerics, measures, seconds, counts, computation, versions,
+        written (seconds since 1970).
 
-        Damaged entries are left out: see ``unreadable``.
-
-        Returns
-        -------
-        dict of str to dict
-            By id: name, outcome, message, reached_mm, dim, mechanisms, values (with unit), numerics,
-            measures, seconds, counts, computation, versions, written (seconds since 1970).
-        """
+        Damaged entries are left out: see ``unreadable``."""
         found = {}
         for folder in self._folders():
             with contextlib.suppress(*_UNREADABLE):
@@ -208,13 +137,7 @@ class Store:
         return found
 
     def unreadable(self) -> dict[str, str]:
-        """Return the entries that cannot be used.
-
-        Returns
-        -------
-        dict of str to str
-            The reason by id.
-        """
+        """The entries that cannot be used: the reason by id."""
         found = {}
         for folder in self._folders():
             try:
@@ -229,13 +152,7 @@ class Store:
         return found
 
     def mark(self) -> str:
-        """Return the name of a file in the store that is in no other: who finds it sees this very folder.
-
-        Returns
-        -------
-        str
-            The file's name; it is made where it is not there.
-        """
+        """The name of a file in the store that is in no other: who finds it sees this very folder."""
         for path in sorted(self.root.glob(".mark-*")):
             return path.name
         path = self.root / f".mark-{uuid.uuid4().hex}"

@@ -77,9 +77,9 @@ class Map(Displayed):
         BadInput
             If it is none.
         """
-        found = Path(path)
-        found = found / "map.nc" if found.is_dir() else found
-        return cls(load_map(found), found.parent)
+        file = Path(path)
+        file = file / "map.nc" if file.is_dir() else file
+        return cls(load_map(file), file.parent)
 
     def guide(self, material: str) -> Guide:
         """Find what would move a material across the boundary between smooth and abrupt cutting.

@@ -1,12 +1,14 @@
-"""The marked materials in pictures: each at its place, filled with the drop of its own run."""
+"""What pictures of a map mark: materials, each at its place and filled with the drop of its own run, and
+points that were run in three dimensions, as ``confirm.json`` records them."""
 
 from __future__ import annotations
 
 import itertools
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import cast
 
 import numpy as np
@@ -19,13 +21,14 @@ from matplotlib.lines import Line2D
 from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 
+from cutbench.base.errors import BadInput
 from cutbench.base.figure_style import Look
 from cutbench.base.greek import plain_formula, set_subscripts
-from cutbench.maps.dataset import LABELS
+from cutbench.maps.dataset import LABELS, axes_of
 from cutbench.maps.plot_coordinates import DROP_COLOURS, edges, is_log, nearest_level
 
 _HALO = [patheffects.withStroke(linewidth=2.2, foreground="white")]
-_LOOK: Look = {"marker": "D", "mfc": "white", "mec": "#D55E00", "ms": 7.0, "mew": 1.5, "ls": ""}
+_MATERIAL: Look = {"marker": "D", "mfc": "white", "mec": "#D55E00", "ms": 7.0, "mew": 1.5, "ls": ""}
 
 
 @dataclass(frozen=True)
@@ -51,14 +54,18 @@ def own_of(data: xr.Dataset, name: str) -> OwnRun | None:
     return OwnRun(float(at["mark_drop_rel"]), LABELS[int(at["mark_label"])], differs)
 
 
+def _within(data: xr.Dataset, at: Mapping[str, float], x: str, y: str) -> bool:
+    """Whether a place lies on the cells of the drawn axes."""
+    ends = {name: edges(data[name].values, is_log(data[name])) for name in (x, y) if name}
+    return all(e[0] <= at[name] <= e[-1] for name, e in ends.items())
+
+
 def marks_of(data: xr.Dataset, x: str, y: str, panel: str) -> tuple[list[dict], list[str]]:
     """The materials of the study, each on the panel of the nearest level; and those outside the axes."""
     inside: list[dict] = []
     outside: list[str] = []
     for mark in json.loads(data.attrs["marks"]):
-        ranges = [edges(data[n].values, is_log(data[n])) for n in (x, y) if n]
-        here = [mark[n] for n in (x, y) if n]
-        if not all(e[0] <= v <= e[-1] for e, v in zip(ranges, here, strict=True)):
+        if not _within(data, mark, x, y):
             outside.append(mark["name"])
             continue
         level, text = 0, ""
@@ -92,12 +99,16 @@ def _height(mark: Mapping, y: str, part: xr.Dataset) -> float:
     return mark[y] if y else own.drop_rel if own and own.done else part.attrs["drop_threshold"]
 
 
+def _filled(own: OwnRun | None, top: float) -> Look:
+    """A diamond, filled as the cells are where the material's own run is done."""
+    return _MATERIAL | {"mfc": DROP_COLOURS(own.drop_rel / top)} if own and own.done else _MATERIAL
+
+
 def draw_materials(ax: Axes, marks: Sequence[Mapping], x: str, y: str, part: xr.Dataset, top: float) -> None:
     """Diamonds, filled as the cells are, up to the drop ``top``, where the material's own run is done."""
     for mark in marks:
-        own = mark["own"]
-        fill = {"mfc": DROP_COLOURS(own.drop_rel / top)} if own and own.done else {}
-        ax.plot([mark[x]], [_height(mark, y, part)], zorder=6, clip_on=False, **(_LOOK | fill))
+        look = _filled(mark["own"], top)
+        ax.plot([mark[x]], [_height(mark, y, part)], zorder=6, clip_on=False, **look)
 
 
 def label_materials(
@@ -133,16 +144,89 @@ def label_materials(
         taken.append(box)
 
 
-def handles_of(marks: Sequence[Mapping], top: float) -> list[Line2D]:
+def material_handles(marks: Sequence[Mapping], top: float) -> list[Line2D]:
     """What the legend says of them: what they are, and each whose own run is another than the map's."""
     if not marks:
         return []
     runs = any(mark["own"] for mark in marks)
-    found = [Line2D([], [], label="material, own run" if runs else "material", **_LOOK)]
+    handles = [Line2D([], [], label="material, own run" if runs else "material", **_MATERIAL)]
     for mark in marks:
         if (own := mark["own"]) and own.differs:
-            fill = {"mfc": DROP_COLOURS(own.drop_rel / top)} if own.done else {}
             said = f": {own.label}" if own.done else ""
             label = f"{mark['name']} ({set_subscripts(own.differs)}){said}"
-            found.append(Line2D([], [], label=label, **(_LOOK | fill)))
-    return found
+            handles.append(Line2D([], [], label=label, **_filled(own, top)))
+    return handles
+
+
+#: Name of the record, and of the folder beside a map in which it is looked for.
+RECORD, FOLDER = "confirm.json", "confirm"
+
+_CONFIRMED: Look = {"ls": "", "ms": 9.0, "mew": 1.3, "mfc": "none", "zorder": 5, "clip_on": False}
+#: What a point in three dimensions says of its label.
+CONFIRMED, ANOTHER, NUMERICS, UNFINISHED = "confirmed", "another", "numerics", "unfinished"
+_VERDICTS: dict[str, Look] = {
+    CONFIRMED: {"marker": "s", "mec": "black", "label": "3D: confirmed"},
+    ANOTHER: {"marker": "X", "mec": "#D55E00", "label": "3D: another"},
+    NUMERICS: {"marker": "D", "mec": "0.35", "label": "3D: its numerics cannot tell"},
+    UNFINISHED: {"marker": "s", "mec": "0.55", "label": "3D: not to its end"},
+}
+
+
+def read_confirmed(path: Path, data: xr.Dataset) -> list[dict]:
+    """The points that ``path`` records for the map ``data``: none without the file, or of another map.
+
+    Raises BadInput for a file that is no such record.
+    """
+    try:
+        record = json.loads(path.read_text(encoding="utf-8"))
+        points: list[dict] = [
+            {
+                "at": {str(name): float(value) for name, value in point["at"].items()},
+                "verdict": _verdict(point),
+                "drop_rel": float(point["two"]["drop_rel"] or 0.0),
+            }
+            for point in record["points"]
+        ]
+    except (FileNotFoundError, NotADirectoryError):
+        return []
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        wanted = "a record that 'cutbench confirm' has written"
+        raise BadInput("points", str(error), wanted, file=str(path)) from error
+    return [point for point in points if set(point["at"]) == set(axes_of(data))]
+
+
+def _verdict(point: Mapping) -> str:
+    if (verdict := str(point["verdict"])) not in _VERDICTS:
+        raise ValueError(f"verdict '{verdict}'")
+    return verdict
+
+
+def draw_confirmed(
+    ax: Axes,
+    points: Iterable[Mapping],
+    part: xr.Dataset,
+    x: str,
+    y: str,
+    panel: tuple[str, int, xr.DataArray],
+) -> set[str]:
+    """Mark the ``points`` that lie on this panel: its axis ("" if none), level, and the levels of all.
+
+    Returns the kinds that occur. On a map of one axis, points stand at their force drop in plane strain.
+    """
+    seen: set[str] = set()
+    name, level, levels = panel
+    for point in points:
+        at = point["at"]
+        if not _within(part, at, x, y) or (name and nearest_level(at[name], levels.values) != level):
+            continue
+        look = {key: value for key, value in _VERDICTS[point["verdict"]].items() if key != "label"}
+        place = at[y] if y else point["drop_rel"]
+        ax.plot([at[x]], [place], **_CONFIRMED, **look, path_effects=_HALO)
+        seen.add(point["verdict"])
+    return seen
+
+
+def confirmed_handles(seen: set[str]) -> list[Line2D]:
+    """For the legend."""
+    look = {key: value for key, value in _CONFIRMED.items() if key not in ("zorder", "clip_on", "ms")}
+    return [Line2D([], [], ms=7.5, **look, **_VERDICTS[kind]) for kind in _VERDICTS if kind in seen]

@@ -1,4 +1,4 @@
-"""What all pages of one server share: its folder, its jobs, and the part of a page that watches a job."""
+"""Parts that all pages of one server share: its folder and jobs, choices, uploads, and what watches a job."""
 
 from __future__ import annotations
 
@@ -42,10 +42,10 @@ class Bench:
 
     def with_file(self, name: str) -> list[str]:
         """Folders down to two levels that have a file ``name``, newest first, as seen from the root."""
-        found = [path for depth in ("", "*/", "*/*/") for path in self.root.glob(f"{depth}{name}")]
-        found = [path for path in found if path.resolve().is_relative_to(self.root)]
-        found.sort(key=lambda path: path.stat().st_mtime, reverse=True)
-        return [path.parent.relative_to(self.root).as_posix() for path in found]
+        every = [path for depth in ("", "*/", "*/*/") for path in self.root.glob(f"{depth}{name}")]
+        inside = [path for path in every if path.resolve().is_relative_to(self.root)]
+        inside.sort(key=lambda path: path.stat().st_mtime, reverse=True)
+        return [path.parent.relative_to(self.root).as_posix() for path in inside]
 
 
 @contextmanager
@@ -65,8 +65,8 @@ def alert() -> ui.label:
 
 def choice(options: Any, value: object, label: str, mark: str, **rest: Any) -> ui.select:
     """A select with its label and a mark that tests know it by."""
-    made = ui.select(options, value=value, label=label, **rest)
-    return made.props(f'outlined dense options-dense data-testid={mark} aria-label="{label}"')
+    select = ui.select(options, value=value, label=label, **rest)
+    return select.props(f'outlined dense options-dense data-testid={mark} aria-label="{label}"')
 
 
 def upload(label: str, accept: str, take: Take, alert: ui.label, drop: bool = False) -> None:
@@ -74,10 +74,10 @@ def upload(label: str, accept: str, take: Take, alert: ui.label, drop: bool = Fa
     contents, and what it refuses is said in ``alert``."""
 
     async def taken(event: events.MultiUploadEventArguments) -> None:
-        given = [(file.name, await file.read()) for file in event.files]
+        files = [(file.name, await file.read()) for file in event.files]
         uploads.reset()
         with refusals(alert):
-            take(given)
+            take(files)
 
     refused = f"A file is one of {accept}, of {MAX_FILE_BYTES} bytes at the most."
     uploads: ui.upload = ui.upload(
