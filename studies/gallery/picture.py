@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from cutbench.base.figure_style import COLOURS, DOUBLE_MM, GREY, new_figure, save, style
 from cutbench.run.result import Result
@@ -82,8 +83,8 @@ def all_of_them(axes: Axes, found: Mapping[str, Mapping[object, Result]]) -> Non
         points = [(sharpness(r), steady(r) / r.case.p.G_c) for r in results.values()]
         axes.loglog(*np.array(points).T, "osD^v<>p"[k], ms=4, color=ORDER[k % len(ORDER)], label=title)
     axes.axhline(1, color=GREY, lw=0.8, zorder=0)
-    axes.set(xlabel="r E/G_c", ylabel="F/(b G_c) in steady cutting")
-    axes.legend(frameon=False, fontsize=6)
+    axes.set(xlabel="r E/G_c", ylabel="F/(b G_c) in steady cutting", ylim=(0.8, 6))
+    plain(axes)
 
 
 def onsets(axes: Axes, found: Mapping[str, Mapping[object, Result]]) -> None:
@@ -92,8 +93,17 @@ def onsets(axes: Axes, found: Mapping[str, Mapping[object, Result]]) -> None:
         cut = [r for r in results.values() if not math.isnan(onset(r))]
         points = [(sharpness(r), onset(r) * sharpness(r) / r.case.p.edge_radius) for r in cut]
         axes.loglog(*np.array(points).T, "^v"[k], ms=4, color=ORDER[4 + k], label=title)
-    axes.set(xlabel="r E/G_c", ylabel="onset E/G_c")
-    axes.legend(frameon=False, fontsize=6)
+    axes.set(xlabel="r E/G_c", ylabel="onset E/G_c", ylim=(4, 90))
+    plain(axes)
+
+
+def plain(axes: Axes) -> None:
+    """A legend above the points, and numbers that can be read."""
+    axes.legend(frameon=False, fontsize=6, loc="upper left")
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        axis.set_major_formatter("{x:g}")
+        axis.set_minor_formatter(NullFormatter())
 
 
 def pictures(results: Mapping[str, Result], out: Path) -> None:
