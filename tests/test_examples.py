@@ -46,7 +46,9 @@ def test_the_command_says_what_it_copied(tmp_path):
 
 def test_every_study_and_campaign_is_in_the_wheel():
     shipped = {Path(source).as_posix() for source in IN_WHEEL}
-    files = [path for path in (ROOT / "studies").iterdir() if path.name not in ("results", "paper", "gallery")]
+    files = [
+        path for path in (ROOT / "studies").iterdir() if path.name not in ("results", "paper", "gallery")
+    ]
     assert {path.relative_to(ROOT).as_posix() for path in files} == shipped
 
 

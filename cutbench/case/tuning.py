@@ -236,7 +236,7 @@ class MeshTuning:
     #: more steps as it is shorter, on as many more elements. A case says where it asks for less.
     least_detail: float = 1 / 8
     #: The finest length at the cut is at most so many radii of the blade's edge, and so many cohesive zones:
-    #: under the paper's blade, whose tip is an ellipse, in the paper's materials, it is the thickness. Elements
+    #: under the paper's blade, whose tip is an ellipse, in its materials, it is the thickness. Elements
     #: on the cut plane are then half as large as the edge is round, or a third of the zone. A wire's steady
     #: force is 1 % above its toughness, where it is 25 % with elements as large as the zone; with half the
     #: radii the onset under a wedge of 40 µm moves by 0.7 %, its forces by 0.2 %.
