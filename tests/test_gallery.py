@@ -9,7 +9,7 @@ import pytest
 
 from cutbench.run.result import Outcome, Result
 from studies.gallery.__main__ import judged, record
-from studies.gallery.experiments import EXPERIMENTS, G_C, WIRES_MM
+from studies.gallery.experiments import EXPERIMENTS, WIRES_MM
 from studies.gallery.picture import pictures
 from studies.gallery.runs import PUBLISHED, exponent, slope
 
@@ -20,7 +20,13 @@ def made_up(case) -> Result:
     d = np.linspace(0, p.depth, 50)
     force = np.full(d.size, p.length * p.G_c)
     radius = getattr(p, "edge_radius", p.thickness)
-    measures = {"onset_mm": 40 * radius, "closure": 0.0, "jumps_rel": 0.0, "drop_rel": 0.0}
+    measures = {
+        "onset_mm": 40 * radius,
+        "closure": 0.0,
+        "jumps_rel": 0.0,
+        "drop_rel": 0.0,
+        "steady_N": force[0],
+    }
     curve = {"displacement_mm": d, "force_N": force, "cut_length_mm": d}
     return Result(case, curve, Outcome("done", "by formula", "", p.depth), {"total": 0.0}, {}, [], measures)
 
@@ -42,6 +48,18 @@ def test_runs_of_an_experiment_are_different(results):
     assert len(results) >= 30
 
 
+def test_a_run_that_is_not_steady_is_no_finding(results):
+    unsteady = {id: made_up(r.case) for id, r in results.items()}
+    for result in unsteady.values():
+        result.measures["steady_N"] = np.nan
+    (rows,) = (
+        [row[3:] for row in judged(unsteady) if row[0] == e.title]
+        for e in EXPERIMENTS
+        if e.folder == "razor-pdms"
+    )
+    assert set(rows) == {("none", "missed")}
+
+
 def test_findings_are_judged_by_what_runs_say(results):
     found = {(title, what): (float(value), kind) for title, what, _, value, kind in judged(results)}
     of = [(e.folder, [found[e.title, each.what] for each in e.findings]) for e in EXPERIMENTS]
@@ -55,11 +73,11 @@ def test_pictures_are_drawn_where_nothing_is_cut_too(results, tmp_path):
     held = {id: made_up(r.case) for id, r in results.items()}
     for result in held.values():
         if getattr(result.case.p, "mu", 0.0) > 0:
-            result.measures["onset_mm"] = np.nan
+            result.measures |= {"onset_mm": np.nan, "steady_N": np.nan}
     pictures(held, tmp_path)
     assert {p.name for p in tmp_path.iterdir()} == {"friction.png", "wires.png", "experiments.png"}
 
 
 def test_lines_and_powers_are_read_off():
-    assert slope({d: G_C + 2 * d for d in WIRES_MM}) == pytest.approx((G_C, 2))
+    assert slope({d: 3 + 2 * d for d in WIRES_MM}) == pytest.approx((3, 2))
     assert exponent({x: 3 * x**0.7 for x in WIRES_MM}) == pytest.approx(0.7)

@@ -21,7 +21,7 @@ STATEMENTS = {
     "solver": 1820,
     "models2d": 133,
     "models3d": 225,
-    "run": 3935,
+    "run": 3937,
     "emulator": 818,
     "maps": 3117,
     "data": 2828,

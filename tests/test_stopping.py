@@ -18,7 +18,7 @@ from cutbench.maps.study import load_study
 from cutbench.run.checkpoint import NAME, Checkpoint
 from cutbench.run.files import describe, read_run, write_run
 from cutbench.run.measures import KNOWN, measures
-from cutbench.run.result import Outcome, Result
+from cutbench.run.result import Outcome, Result, friction_advice
 from cutbench.run.runner import run_case
 
 #: Cut in the first millimetre, five thicknesses before its depth, so that both ends are seen.
@@ -209,3 +209,10 @@ def test_a_run_says_what_it_found_in_one_sentence(run, band, first, parts):
 def test_the_sentence_is_in_the_run_s_record(tmp_path):
     write_run(made_up(), tmp_path)
     assert describe(read_run(tmp_path))["said"] == made_up().sentence()
+
+
+@pytest.mark.parametrize("law", [{"with_": "coulomb"}, {"with_": "coulomb_saturating", "inv_p_s": "1 1/kPa"}])
+def test_a_blade_that_rubs_and_has_not_cut_is_told_what_would_tell(law):
+    rubs, slides = (load_case("gelatin", {**law, "mu": mu}) for mu in (0.3, 0.0))
+    assert law["with_"] in friction_advice(rubs, math.nan)
+    assert not friction_advice(rubs, 3.5) and not friction_advice(slides, math.nan)

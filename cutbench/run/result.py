@@ -15,6 +15,7 @@ from cutbench.base.display import Displayed
 from cutbench.base.versions import versions
 from cutbench.case.case import Case
 from cutbench.case.motion import TRANSITION
+from cutbench.mechanisms.base import Points
 from cutbench.run.measures import ABRUPT, ABRUPT_DROP, BRIDGED, KNOWN, UNDECIDED, label
 
 #: Entries of the energy ledger that are no mechanisms: energy lost in jumps, where surfaces press on
@@ -275,14 +276,15 @@ class Outcome:
 
 def friction_advice(case: Case, onset_mm: float) -> str:
     """What there is to know of a blade that rubs and has not cut; empty for any other."""
+    p, none = case.p, np.zeros(1)
+    at = Points(X=np.zeros((3, 1)), touched=none + 1, slid=none, slip_rate=none, speed=p.speed, dt=1.0)
     laws = [law for law in case.model.laws("blade") if law.role == "friction"]
-    rubs = {name: off for law in laws for name, off in law.off.items() if case.values[name] != off}
+    rubs = [law.name for law in laws if law.strength(none + p.G, p, law.start(1, p), at)[0] > 0]
     if not rubs or not math.isnan(onset_mm):
         return ""
-    without = ", ".join(f"{name} = {off:g}" for name, off in rubs.items())
     return (
-        "Friction may hold the surface under the edge, so that it is pressed in and not stretched: a run with"
-        f" {without} says whether. Friction that saturates lets an edge enter."
+        "Friction may hold the surface under the edge, so that it is pressed in and not stretched: a run"
+        f" without {' and '.join(rubs)} says whether."
     )
 
 

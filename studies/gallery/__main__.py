@@ -34,7 +34,7 @@ def judged(results: dict) -> list[tuple[str, str, str, str, str]]:
         for each in experiment.findings:
             value = each.value(found)
             kind = each.kind if each.low <= value <= each.high else "missed"
-            text = "not cut" if math.isnan(value) else f"{value:.{each.digits}g}"
+            text = "none" if math.isnan(value) else f"{value:.{each.digits}g}"
             rows.append((experiment.title, each.what, each.published, text, kind))
     return rows
 

@@ -9,11 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from cutbench.case.case import Case, load_case
+from cutbench.data.campaign import load_campaign
 from cutbench.run.result import Result
 
 PUBLISHED = Path(__file__).parents[1] / "published"
-#: The last part of the travel, over which cutting is steady.
-LAST = 1 / 3
 
 
 @dataclass(frozen=True)
@@ -28,10 +27,15 @@ class Run:
         file = PUBLISHED / self.source / "case.toml"
         return load_case(file if file.exists() else self.source, self.changes)
 
+    def saturating(self, times: float = 1.0) -> Run:
+        """The same with friction that saturates at the pressure G/``times``."""
+        inverse = f"{times / (1e3 * self.case.p.G):.6g} 1/kPa"
+        return Run(self.source, {**self.changes, "with_": "coulomb_saturating", "inv_p_s": inverse})
 
-def wires(source: str, diameters_mm: Iterable[float], **changes) -> dict[float, Run]:
-    """One a diameter, with all lengths of the block in proportion to it."""
-    times = {"thickness": 1, "precut": 4, "width": 50, "height": 40, "depth": 9}
+
+def wires(source: str, diameters_mm: Iterable[float], travel: float = 11, **changes) -> dict[float, Run]:
+    """One a diameter, all lengths of the block in proportion to it, to so many diameters of ``travel``."""
+    times = {"thickness": 1, "precut": 4, "width": 50, "height": 40, "depth": travel}
     return {
         d: Run(source, {**{name: f"{d * k:g} mm" for name, k in times.items()}, **changes})
         for d in diameters_mm
@@ -39,10 +43,8 @@ def wires(source: str, diameters_mm: Iterable[float], **changes) -> dict[float, 
 
 
 def steady(result: Result) -> float:
-    """Force per length of the blade, N/mm, where cutting is steady."""
-    d, F = result.displacement_mm, result.force_N
-    last = d > d[-1] * (1 - LAST)
-    return float(np.trapezoid(F[last], d[last]) / np.ptp(d[last]) / result.case.p.length)
+    """F/(b G_c) where the cut keeps pace with the blade; nan where it does not."""
+    return float(result.measures["steady_N"]) / (result.case.p.length * result.case.p.G_c)
 
 
 def onset(result: Result) -> float:
@@ -53,6 +55,13 @@ def onset(result: Result) -> float:
 def onset_force(result: Result) -> float:
     """Force there, N."""
     return float(np.interp(onset(result), result.displacement_mm, result.force_N))
+
+
+def measured_onset(material: str) -> tuple[float, float]:
+    """Travel at which indentation is published to end, mm, and its error."""
+    (first, *_) = load_campaign(PUBLISHED / f"{material}.toml").experiments
+    (one,) = (m for m in first.measures if m.name == "onset")
+    return one.value, one.sd
 
 
 def slope(line: Mapping[float, float]) -> tuple[float, float]:
