@@ -68,7 +68,8 @@ class Parameter:
     trial : tuple of (str, float) or None
         A further test that would change it, in words, and by which factor.
     unmeasured : tuple of float
-        Factors by which it could as well be another, for all that tests have told.
+        Factors by which it could as well be another, for all that tests have told; of the typical value where
+        a case has switched it off.
     """
 
     name: str
