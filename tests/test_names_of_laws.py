@@ -15,7 +15,7 @@ ROOT = Path(cutbench.__file__).parent
 OF_CERTAIN_LAWS = ("mechanisms",)
 OF_THE_ATLAS = ("emulator/atlas.py", "emulator/design_space.py")
 #: Words that happen to be names: Greek letters, a picture of phases, energy that drifts, what is taken off
-#: readings.
+#: readings, and roles of laws.
 OTHERWISE = {
     "base/figure_style.py": {"beta", "mu", "nu"},
     "base/greek.py": {"beta", "mu", "nu"},
@@ -25,6 +25,7 @@ OTHERWISE = {
     "data/plausible.py": {"contact"},
     "data/read_experiment.py": {"zero"},
     "maps/__init__.py": {"phase"},
+    "run/figures/curve.py": {"volumetric", "softening", "viscous", "contact", "adhesion"},
     "solver/step_control.py": {"drift"},
 }
 
