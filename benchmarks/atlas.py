@@ -1,15 +1,18 @@
 """Compute the runs of the atlas, one file each.
 
-    python -m benchmarks.atlas --runs 400 --out DIR
-    python -m benchmarks.atlas --pack cutbench/emulator/blunt.npz --out DIR
+    python -m benchmarks.atlas --blade wedge --runs 400 --out DIR
+    python -m benchmarks.atlas --pack --out DIR
     python -m benchmarks.atlas --check 8 --out DIR
+    python -m benchmarks.atlas --blade wedge --seed 90 --runs 50 --out DIR
+    python -m benchmarks.atlas --test 90 --out DIR
     python -m benchmarks.atlas --against studies/transition.toml
 
 Points of a box of dimensionless groups (``cutbench.emulator.design_space``), the first of Sobol's sequence.
-It goes on from the runs that the package brings along; several at a time share the work. A run that takes
-more than ``--limit`` seconds of one core is kept as far as it came. ``--pack`` puts those of the package and
-those of the folder into one file, each once;
-``--check`` says how far an atlas of seven eighths of the runs is off at the others.
+It goes on from the runs that the package brings along; several at a time share the work. A run ends with its
+transition, every third one where cutting has been steady for some windows; one that takes more than
+``--limit`` seconds of one core is kept as far as it came. ``--pack`` puts those of the package and those of
+the folder into the package, each once; ``--check`` says how far an atlas of seven eighths of the runs is off
+at the others.
 """
 
 from __future__ import annotations
@@ -37,38 +40,55 @@ from cutbench.emulator.atlas import (
     MEASURES_WITH_PROCESS,
     NORMAL_QUANTILE,
     Atlas,
-    estimate,
+    NotInAtlas,
+    named,
     shipped,
     values_of,
 )
-from cutbench.emulator.design_space import BLUNT_BLADES
+from cutbench.emulator.design_space import BLADES, DesignSpace
+from cutbench.emulator.gaussian_process import Kernel
 from cutbench.emulator.groups import Groups
 from cutbench.maps.dataset import load_map
 from cutbench.maps.page import thinned
 from cutbench.maps.study import load_study
-from cutbench.run.measures import KNOWN, measures
+from cutbench.run.measures import KNOWN, ONSET, SETTLED, measures
 from cutbench.run.measures import label as regime
 from cutbench.run.runner import run_case
 
 #: Of the atlas; runs that it is tested by have another.
-SEED = 1
+SEED = 2
+#: Of so many runs one goes on until cutting is steady: what is steady changes little from place to place, and
+#: takes most of the time.
+STEADY_EVERY = 3
+#: Windows beyond the onset at which runs end: as the transition is known, and where cutting has been steady
+#: for three.
+WINDOWS = KNOWN + 0.1, SETTLED + 3.1
+FILE = ROOT / "cutbench" / "emulator" / "atlas.npz"
+#: What is held against runs: names of an atlas and of measures.
+ESTIMATED = {"onset": "onset_mm", "peak": "peak_N", "drop": "drop_rel", "steady": "steady_N"}
 #: A curve is kept to this part of its largest force.
 CURVE_TOLERANCE = 1e-3
 #: Parts of the runs that are left out, one after the other, to see how far intervals hold.
 FOLDS = 8
 
 
-def cases(count: int, seed: int = SEED) -> list[Case]:
+def cases(space: DesignSpace, count: int, seed: int = SEED) -> list[Case]:
     """The first ``count`` runs of the atlas."""
-    return [BLUNT_BLADES.case(parts) for parts in BLUNT_BLADES.points(count, seed)]
+    return [space.case(parts) for parts in space.points(count, seed)]
 
 
-def compute(case: Case, limit_s: float) -> dict[str, object]:
-    """A run, as it is kept: the case, how it ended, and its curve; no longer than ``limit_s`` of one core."""
-    began = time.process_time()
+def compute(case: Case, limit_s: float, windows: float) -> dict[str, object]:
+    """A run, as it is kept: the case, how it ended, and its curve; so many ``windows`` beyond its onset, and
+    no longer than ``limit_s`` of one core."""
+    began, end = time.process_time(), math.inf
+    window = case.p.thickness
+    begun = case.p.precut + ONSET * window
 
     def watch(row: Mapping[str, float], snapshot: object) -> None:
-        if time.process_time() - began > limit_s:
+        nonlocal end
+        if math.isinf(end) and row["cut_length_mm"] >= begun:
+            end = row["displacement_mm"] + windows * window
+        if row["displacement_mm"] >= end or time.process_time() - began > limit_s:
             raise KeyboardInterrupt
 
     try:
@@ -83,17 +103,17 @@ def compute(case: Case, limit_s: float) -> dict[str, object]:
     }  # fmt: skip
 
 
-def runs_in(folder: Path, seed: int = SEED) -> list[dict[str, Any]]:
+def runs_in(folder: Path, seed: int = SEED, blade: str = "*") -> list[dict[str, Any]]:
     """The runs that a folder keeps, with arrays as arrays and measures by name, as they are defined now."""
     found = []
-    for file in sorted(folder.glob(f"{seed}-*.npz")):
+    for file in sorted(folder.glob(f"{blade}-{seed}-*.npz")):
         with np.load(file) as data:
             if "displacement_mm" not in data:
                 continue
             record = {n: data[n] for n in data.files}
         p = (case := Case.from_dict(json.loads(str(record["case"])))).p
         measured = measures(record, window_mm=p.thickness, height_mm=p.height)
-        found.append(record | {"number": int(file.stem.split("-")[1]), "case": case, "measures": measured})
+        found.append(record | {"name": file.stem, "case": case, "measures": measured})
     return found
 
 
@@ -101,22 +121,27 @@ def runs_of(atlas: Atlas) -> list[dict[str, Any]]:
     """The runs of an atlas, as ``runs_in`` has them."""
     found = []
     for i, (course, groups) in enumerate(zip(atlas.courses, atlas.groups, strict=True)):
-        case = BLUNT_BLADES.case_of([float(f"{value:.6g}") for value in groups])
+        has = named(groups)
+        space = next(each for each in BLADES.values() if {s.name for s in each.ranges} == {*has})
+        case = space.case_of([float(f"{has[s.name]:.6g}") for s in space.ranges])
         half, force = units_of(case)
-        peak, drop, steady = (float(atlas.measured[name][i]) for name in MEASURES_WITH_PROCESS)
+        peak, drop, steady, slope = (float(atlas.measured[name][i]) for name in MEASURES_WITH_PROCESS)
         found.append({
-            "number": atlas.about["numbers"][i], "case": case,
+            "name": atlas.about["names"][i], "case": case,
             "displacement_mm": course.x * half, "force_N": course.force * force,
             **{f"work_{n}_mJ": each[i] * force * half for n, each in atlas.cumulative_work.items()},
             "measures": {
                 "onset_mm": course.onset * half, "peak_N": peak * force, "drop_rel": drop,
-                "steady_N": steady * force,
+                "steady_N": steady * force, "slope_N_per_mm": slope * force / half,
             },
         })  # fmt: skip
     return found
 
 
-def atlas_of(runs: Sequence[Mapping[str, Any]], wider: Mapping[str, float] | None = None) -> Atlas:
+def atlas_of(
+    runs: Sequence[Mapping[str, Any]], wider: Mapping[str, float] | None = None,
+    kernels: Mapping[str, Kernel | None] | None = None,
+) -> Atlas:  # fmt: skip
     """The atlas that runs make."""
     names = {n.removeprefix("work_").removesuffix("_mJ"): n for n in runs[0] if n.startswith("work_")}
     courses, works = [], {name: list[np.ndarray]() for name in names}
@@ -131,14 +156,13 @@ def atlas_of(runs: Sequence[Mapping[str, Any]], wider: Mapping[str, float] | Non
             works[name].append(run[key][kept] / (force * half))
         # Of a run that was cut short the transition may be to come.
         known = x[-1] > m["onset_mm"] / half + KNOWN * DROP_WINDOW
-        for name, value in zip(
-            MEASURES_WITH_PROCESS, (m["peak_N"] / force, m["drop_rel"], m["steady_N"] / force), strict=True
-        ):
+        of_steady = m["steady_N"] / force, m["slope_N_per_mm"] * half / force
+        values = m["peak_N"] / force, m["drop_rel"], *of_steady
+        for name, value in zip(MEASURES_WITH_PROCESS, values, strict=True):
             measured[name].append(value if known else math.nan)
-    groups = np.array([values_of(BLUNT_BLADES, run["case"]) for run in runs])
-    return Atlas(
-        BLUNT_BLADES, groups, courses, {n: np.array(v) for n, v in measured.items()}, works, wider=wider
-    )
+    groups = np.array([values_of(run["case"], checked=False) for run in runs])
+    works_kept = {n: np.array(v, dtype=object) for n, v in works.items()}
+    return Atlas(groups, courses, {n: np.array(v) for n, v in measured.items()}, works_kept, kernels, wider)
 
 
 def units_of(case: Case) -> tuple[float, float]:
@@ -149,30 +173,33 @@ def units_of(case: Case) -> tuple[float, float]:
 
 
 def folds_of(
-    runs: Sequence[Mapping[str, Any]], folds: int, wider: Mapping[str, float] | None = None
+    atlas: Atlas, runs: Sequence[Mapping[str, Any]], folds: int
 ) -> Iterator[tuple[Atlas, list[Mapping[str, Any]]]]:
-    """Atlases that each lack a part of the runs, and these."""
+    """Atlases that each lack a part of the runs, and these; with the lengths of the whole."""
     of = np.random.default_rng(0).permutation(len(runs)) % folds
     for fold in range(folds):
-        made = atlas_of([r for r, f in zip(runs, of, strict=True) if f != fold], wider)
+        kept = [r for r, f in zip(runs, of, strict=True) if f != fold]
+        made = atlas_of(kept, atlas.wider, atlas.kernels)
         yield made, [r for r, f in zip(runs, of, strict=True) if f == fold]
 
 
-def wider_of(runs: Sequence[Mapping[str, Any]], folds: int) -> dict[str, float]:
+def wider_of(atlas: Atlas, runs: Sequence[Mapping[str, Any]], folds: int) -> dict[str, float]:
     """By what each interval is wider than the processes say, so that it holds nine in ten of the runs that
     an atlas lacks."""
     z: dict[str, list[float]] = {name: [] for name in ("onset", *MEASURES_WITH_PROCESS)}
     inside: dict[float, list[float]] = {factor: [] for factor in (1.0, 1.2, 1.4, 1.7, 2.0, 2.4)}
-    for made, others in folds_of(runs, folds):
+    for made, others in folds_of(atlas, runs, folds):
         for run in others:
             half, force = units_of(run["case"])
-            values, m = np.array([values_of(BLUNT_BLADES, run["case"])]), run["measures"]
+            values, m = np.array([values_of(run["case"], checked=False)]), run["measures"]
             end = run["displacement_mm"][-1] / half
             said = made.measures(values, np.array([end]))
-            true = {
-                "onset": np.log(m["onset_mm"] / half), "peak": np.log(m["peak_N"] / force),
-                "drop": np.sqrt(m["drop_rel"]), "steady": np.log(max(m["steady_N"], 1e-9) / force),
-            }  # fmt: skip
+            with np.errstate(invalid="ignore"):
+                true = {
+                    "onset": np.log(m["onset_mm"] / half), "peak": np.log(m["peak_N"] / force),
+                    "drop": np.sqrt(m["drop_rel"]), "steady": np.log(max(m["steady_N"], 1e-9) / force),
+                    "slope": m["slope_N_per_mm"] * half / force,
+                }  # fmt: skip
             for name, value in true.items():
                 mean, sd = getattr(said, name)[0]
                 if np.isfinite(value):
@@ -181,51 +208,64 @@ def wider_of(runs: Sequence[Mapping[str, Any]], folds: int) -> dict[str, float]:
             F = np.interp(x * half, run["displacement_mm"], run["force_N"]) / force
             for factor, parts in inside.items():
                 made.wider = {"curve": factor}
-                low, _, high = made.band(values, x)
+                low, _, high = made.band(values, said, x)
                 parts.append(float(np.mean((low <= F) & (high >= F))))
             made.wider = {}
-    found = {name: max(1.0, float(np.quantile(each, LEVEL)) / NORMAL_QUANTILE) for name, each in z.items()}
+    found = {
+        name: max(1.0, float(np.quantile(each, LEVEL)) / NORMAL_QUANTILE) if each else 1.0
+        for name, each in z.items()
+    }
     enough = [factor for factor, parts in inside.items() if np.mean(parts) >= LEVEL]
     return {**found, "curve": min(enough, default=max(inside))}
 
 
-def check(
-    runs: Sequence[Mapping[str, Any]], folds: int, wider: Mapping[str, float]
-) -> dict[str, dict[str, float]]:
-    """How far an atlas without a part of the runs is off at these, part by part, and how often its intervals
-    hold."""
-    found: dict[str, list[tuple[float, float]]] = {n: [] for n in ("onset", "peak", "drop", "steady")}
-    right, curves = [], []
-    for made, others in folds_of(runs, folds, wider):
-        for run in others:
-            said, true = made.estimate(run["case"]), run["measures"]
-            # Of a run that was cut short the regime may be to come.
-            whole = run["displacement_mm"][-1] >= run["case"].values["depth"] * (1 - 1e-6)
-            if math.isfinite(true["drop_rel"]) or (math.isnan(true["onset_mm"]) and whole):
-                right.append((said.verdict == regime(true["drop_rel"]), said.chance > 0.95))
-            F = np.interp(said.x_mm, run["displacement_mm"], run["force_N"])
-            there = said.x_mm <= run["displacement_mm"][-1]
-            curves.append((
-                np.sqrt(np.mean((F - said.force_N)[there] ** 2)) / F.max(),
-                np.mean(((said.low_N <= F) & (said.high_N >= F))[there]),
-            ))  # fmt: skip
-            for name, key in (
-                ("onset", "onset_mm"), ("peak", "peak_N"), ("drop", "drop_rel"), ("steady", "steady_N")
-            ):  # fmt: skip
-                interval = vars(said)["drop" if name == "drop" else key]
-                if math.isfinite(true[key]) and math.isfinite(interval.value):
-                    off = abs(interval.value - true[key]) / (1.0 if name == "drop" else abs(true[key]))
-                    found[name].append((off, interval.low <= true[key] <= interval.high))
+def tested(made: Atlas, runs: Sequence[Mapping[str, Any]]) -> dict[str, list[tuple[Any, ...]]]:
+    """By measure how far an atlas is off at runs that it lacks, and whether its interval holds them."""
+    rows: dict[str, list[tuple[Any, ...]]] = {n: [] for n in (*ESTIMATED, "curve", "own", "regime")}
+    for run in runs:
+        try:
+            said, true = made.estimate(run["case"].set(until="depth")), run["measures"]
+        except NotInAtlas:
+            continue
+        x = run["displacement_mm"]
+        # Of a run that was cut short the regime may be to come.
+        whole = x[-1] >= run["case"].values["depth"] * (1 - 1e-6)
+        if math.isfinite(true["drop_rel"]) or (math.isnan(true["onset_mm"]) and whole):
+            rows["regime"].append((said.verdict == regime(true["drop_rel"]), said.chance > 0.95))
+        there = said.x_mm <= x[-1]
+        F = np.interp(said.x_mm, x, run["force_N"])
+        held = (said.low_N <= F) & (said.high_N >= F)
+        rows["curve"].append((np.sqrt(np.mean((F - said.force_N)[there] ** 2)) / F.max(), held[there].mean()))
+        for name, key in ESTIMATED.items():
+            interval = vars(said)["drop" if name == "drop" else key]
+            if math.isfinite(true[key]) and math.isfinite(interval.value):
+                off = abs(interval.value - true[key]) / (1.0 if name == "drop" else abs(true[key]))
+                rows[name].append((off, interval.low <= true[key] <= interval.high))
+        # Whether the drawn curve has the numbers beside it.
+        if math.isfinite(said.onset_mm.value):
+            window = run["case"].p.thickness
+            cut = np.maximum(said.x_mm - said.onset_mm.value + ONSET * window, 0.0)
+            curve = {"displacement_mm": said.x_mm, "force_N": said.force_N, "cut_length_mm": cut}
+            drawn = measures(curve, window_mm=window, height_mm=run["case"].p.height)
+            own = [(drawn["drop_rel"], said.drop), (drawn["steady_N"], said.steady_N)]
+            rows["own"] += [(abs(v - i.value), i.low <= v <= i.high) for v, i in own
+                            if math.isfinite(v) and math.isfinite(i.value)]  # fmt: skip
+    return rows
+
+
+def table_of(rows: Mapping[str, Sequence[tuple[Any, ...]]]) -> dict[str, dict[str, float]]:
+    """What ``tested`` found, in numbers."""
     table = {}
-    for name, rows in {**found, "curve": curves}.items():
-        off, held = np.array(rows, dtype=float).T
+    for name, each in rows.items():
+        if not each:
+            continue
+        off, held = np.array(each, dtype=float).T
+        if name == "regime":
+            right = {"right": off.mean(), "right or undecided": np.maximum(off, 1 - held).mean()}
+            table[name] = {"points": len(each), **right, "decided": held.mean()}
+            continue
         ends = {"median": np.median(off), "in nine of ten below": np.quantile(off, 0.9)}
         table[name] = {"points": off.size, **ends, "held": held.mean()}
-    is_right, is_sure = np.array(right, dtype=bool).T
-    table["regime"] = {
-        "points": len(right), "right": is_right.mean(), "right or undecided": (is_right | ~is_sure).mean(),
-        "decided": is_sure.mean(),
-    }  # fmt: skip
     return table
 
 
@@ -233,72 +273,82 @@ def against(study_file: Path) -> dict[str, dict[str, float]]:
     """How far the atlas of the package is off at the runs of a shipped map, and how often intervals hold."""
     study = load_study(study_file)
     data = load_map(study_file.parent / "results" / study_file.stem / "map.nc")
-    rows: dict[str, list[tuple[float, float]]] = {name: [] for name in ("onset_mm", "peak_N", "drop")}
+    rows: dict[str, list[tuple[Any, ...]]] = {name: [] for name in ("onset_mm", "peak_N", "drop")}
     for index in np.argwhere(data["run_id"].values != ""):
-        said = estimate(study.case_at([float(a.values[i]) for a, i in zip(study.axes, index, strict=True)]))
+        at = [float(a.values[i]) for a, i in zip(study.axes, index, strict=True)]
+        said = shipped().estimate(study.case_at(at))
         for name, found in rows.items():
             true = float(data["drop_rel" if name == "drop" else name].values[tuple(index)])
             interval = getattr(said, name)
             if math.isfinite(true) and math.isfinite(interval.value):
                 off = abs(interval.value - true) / (1.0 if name == "drop" else true)
                 found.append((off, interval.low <= true <= interval.high))
-    return {
-        name: {"points": len(found), "median": np.median([o for o, _ in found]),
-               "held": np.mean([h for _, h in found])}
-        for name, found in rows.items()
-    }  # fmt: skip
+    return table_of(rows)
 
 
-def say(table: Mapping[str, Mapping[str, float]]) -> None:
+def say(title: str, table: Mapping[str, Mapping[str, float]]) -> None:
     """A line a row."""
+    print(title)
     for name, row in table.items():
         print(name, ", ".join(f"{key} {value:.3g}" for key, value in row.items()))
 
 
 def pack(runs: Sequence[Mapping[str, Any]], folds: int | None, file: Path | None) -> None:
     """Say how far the atlas of the runs is off, or write it into ``file``."""
-    wider = wider_of(runs, folds or FOLDS)
-    print(len(runs), "runs; intervals wider by", {n: round(v, 2) for n, v in wider.items()})
+    atlas = atlas_of(runs)
+    atlas.wider = wider_of(atlas, runs, folds or FOLDS)
+    print(len(runs), "runs; intervals wider by", {n: round(v, 2) for n, v in atlas.wider.items()})
     if folds:
-        say(check(runs, folds, wider))
+        rows: dict[str, list[tuple[Any, ...]]] = {}
+        for made, others in folds_of(atlas, runs, folds):
+            for name, each in tested(made, others).items():
+                rows.setdefault(name, []).extend(each)
+        say(f"{folds} folds", table_of(rows))
     if file is not None:
-        commits = {*shipped().about["commits"], *(str(run["commit"]) for run in runs if "commit" in run)}
         about = {
-            "commits": sorted(commits), "numerics": BLUNT_BLADES.base.to_dict()["numerics"],
-            "machine": facts(), "runs": len(runs), "numbers": [run["number"] for run in runs],
+            "commits": sorted({str(run["commit"]) for run in runs if "commit" in run}),
+            "machine": facts(), "runs": len(runs),
+            "numerics": BLADES["contact"].base.to_dict()["numerics"], "names": [run["name"] for run in runs],
         }  # fmt: skip
-        atlas_of(runs, wider).write(file, about)
+        atlas.write(file, about)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser("python -m benchmarks.atlas", description=__doc__.split("\n")[0])
+    parser.add_argument("--blade", choices=[*BLADES], default="contact")
     parser.add_argument("--runs", type=int, default=400)
     parser.add_argument("--seed", type=int, default=SEED, help="another than the atlas's: runs to test it by")
     parser.add_argument("--limit", type=float, default=240.0, help="seconds of one core for a run")
     parser.add_argument("--out", type=Path, default=ROOT / "runs" / "atlas", metavar="DIR")
-    parser.add_argument("--pack", type=Path, metavar="FILE", help="write the atlas of what there is")
+    parser.add_argument("--pack", action="store_true", help="write the atlas of what there is")
     parser.add_argument("--check", type=int, metavar="FOLDS", help="say how far it is off")
+    parser.add_argument("--test", type=int, metavar="SEED", help="hold it against runs of another seed")
     parser.add_argument("--against", type=Path, metavar="STUDY.toml", help="hold it against a shipped map")
     asked = parser.parse_args(argv)
     if asked.against:
-        say(against(asked.against))
+        say(asked.against.stem, against(asked.against))
         return 0
+    known = runs_of(shipped()) if FILE.exists() else []
     if asked.pack or asked.check:
-        runs = {run["number"]: run for run in [*runs_of(shipped()), *runs_in(asked.out)]}
-        pack([runs[number] for number in sorted(runs)], asked.check, asked.pack)
+        runs = {run["name"]: run for run in [*known, *runs_in(asked.out)]}
+        pack([runs[name] for name in sorted(runs)], asked.check, FILE if asked.pack else None)
+        return 0
+    if asked.test:
+        for blade in BLADES:
+            say(blade, table_of(tested(shipped(), runs_in(asked.out, asked.test, blade))))
         return 0
     asked.out.mkdir(parents=True, exist_ok=True)
-    there = set(shipped().about["numbers"]) if asked.seed == SEED else set()
-    for number, case in enumerate(cases(asked.runs, asked.seed)):
-        if number in there:
+    space, there = BLADES[asked.blade], {run["name"] for run in known}
+    for number, case in enumerate(cases(space, asked.runs, asked.seed)):
+        file = asked.out / f"{space.blade}-{asked.seed}-{number:04d}.npz"
+        if file.stem in there:
             continue
-        file = asked.out / f"{asked.seed}-{number:04d}.npz"
         lock = FileLock(file.with_suffix(".lock"))
         try:
             with lock.acquire(timeout=0):
                 if file.exists():
                     continue
-                found = compute(case, asked.limit)
+                found = compute(case, asked.limit, WINDOWS[number % STEADY_EVERY == 0])
                 with replacing(file) as draft, open(draft, "wb") as to:
                     np.savez_compressed(to, **found)
         except Timeout:  # another process computes it

@@ -9,20 +9,23 @@ import pytest
 from refusals import refusal
 from typer.testing import CliRunner
 
+from cutbench.base.errors import BadInput
 from cutbench.case.case import load_case
 from cutbench.cli.main import app
-from cutbench.emulator.atlas import NotInAtlas, estimate, shipped
-from cutbench.emulator.design_space import BLUNT_BLADES, FRACTION_SWITCHED_OFF
+from cutbench.emulator import estimate
+from cutbench.emulator.atlas import NotInAtlas, shipped
+from cutbench.emulator.design_space import BLADES, FRACTION_SWITCHED_OFF, SIDES
 from cutbench.maps.atlas_map import expected_drops
 from cutbench.maps.dataset import load_map
 from cutbench.maps.study import load_study
+from cutbench.run.measures import measures
 from cutbench.run.runner import run_case
 
 MATERIALS = "gelatin", "elastomer", "meat"
 
 
 def test_sides_go_from_end_to_end():
-    for side in BLUNT_BLADES.ranges:
+    for side in SIDES:
         assert side.value(0.0) == pytest.approx(side.low, rel=1e-5)
         assert side.value(1.0) == pytest.approx(side.high, rel=1e-5)
         values = [side.value(part) for part in np.linspace(2 * FRACTION_SWITCHED_OFF, 1, 9)]
@@ -31,8 +34,8 @@ def test_sides_go_from_end_to_end():
 
 
 def test_the_first_half_of_the_points_fills_the_box_too():
-    points = BLUNT_BLADES.points(64, seed=3)
-    np.testing.assert_array_equal(points[:32], BLUNT_BLADES.points(32, seed=3))
+    points = BLADES["wedge"].points(64, seed=3)
+    np.testing.assert_array_equal(points[:32], BLADES["wedge"].points(32, seed=3))
     for half in (points[:32], points):
         assert np.abs(half.mean(axis=0) - 0.5).max() < 0.03
 
@@ -82,8 +85,8 @@ def test_at_runs_that_it_has_it_says_these():
 @pytest.mark.parametrize(
     ("changes", "key"),
     [
-        ({"cohesion": 30.0}, "cohesion"), ({"tip": "5 mm"}, "tip"), ({"with_": "fung"}, "mechanisms"),
-        ({"precut": "1 mm"}, "precut"), ({"nu": 0.4}, "nu"), ({"with_": "wedge"}, "mechanisms"),
+        ({"cohesion": 60.0}, "G_c"), ({"tip": "5 mm"}, "tip"), ({"with_": "fung"}, "mechanisms"),
+        ({"precut": "4 mm"}, "precut"), ({"nu": 0.4}, "nu"), ({"with_": "bevel"}, "mechanisms"),
         ({"without": "contact"}, "mechanisms"),
     ],
 )  # fmt: skip
@@ -104,7 +107,7 @@ def test_the_command_says_it_and_writes_it(tmp_path):
     record = json.loads((tmp_path / "estimate.json").read_text())
     assert record["verdict"] in done.output and record["verdict"] in record["chances"]
     assert (tmp_path / "estimate.csv").exists() and (tmp_path / "estimate.png").stat().st_size > 10_000
-    assert CliRunner().invoke(app, ["estimate", "gelatin", "--set", "cohesion=30"]).exit_code == 2
+    assert CliRunner().invoke(app, ["estimate", "gelatin", "--set", "cohesion=60"]).exit_code == 2
 
 
 def test_a_whole_diagram_at_once(tmp_path):
@@ -152,12 +155,65 @@ def test_a_map_that_is_estimated_takes_no_workers_and_no_surge(tmp_path):
     refusal(CliRunner().invoke(app, [*asked, "--out", str(tmp_path / "out")]), "surge", file=study, line=6)
 
 
+def test_many_points_are_the_single_ones_and_say_what_lies_outside():
+    table = estimate("gelatin", speed=([0.01, 0.03, 5.0], "mm/s"), cohesion=[3.0, 8.0, 8.0], at_mm=[1.0, 4.0])
+    assert list(table.outside.values) == ["", "", "viscosity"]
+    assert np.isnan(table.onset_mm[2]) and np.isnan(table.force_N[2]).all()
+    for i, (speed, cohesion) in enumerate([("0.01 mm/s", 3.0), ("0.03 mm/s", 8.0)]):
+        one = estimate("gelatin", speed=speed, cohesion=cohesion)
+        assert table.verdict[i] == one.verdict
+        for name in ("onset_mm", "peak_N", "steady_N", "drop"):
+            if np.isfinite(getattr(one, name).value):
+                assert table[name][i] == pytest.approx(getattr(one, name).value)
+        force = np.interp(table.displacement_mm, one.x_mm, one.force_N)
+        np.testing.assert_allclose(table.force_N[i], force, rtol=0.02, atol=1e-3)
+    several = estimate(["gelatin", "elastomer", "meat"])
+    assert several.sizes["point"] == 3 and list(several.to_dataframe().outside) == ["", "", ""]
+
+
+def test_derivatives_are_those_of_differences():
+    by = ["G_c", "eta_reg", "mu"]
+    table = estimate("gelatin", mu=[0.1], derivatives_by=by, at_mm=[2.0])
+    for name, unit, now in (("G_c", "J/m^2", 5.3), ("eta_reg", "s", 4.0), ("mu", "", 0.1)):
+        case = load_case("gelatin", {"mu": 0.1})
+        now = float(case.shown()[name].split()[0])
+        near = [estimate("gelatin", **{"mu": 0.1, name: f"{now * (1 + e):.12g} {unit}".strip()})
+                for e in (1e-3, -1e-3)]  # fmt: skip
+        for measure in ("onset_mm", "drop"):
+            a, b = (getattr(each, measure).value for each in near)
+            assert table[f"{measure}_by_{name}"][0] == pytest.approx((a - b) / (2e-3 * now), rel=2e-3)
+
+
+def test_the_drawn_curve_has_the_numbers_beside_it():
+    for name in MATERIALS:
+        said = estimate(name)
+        window, onset = said.case.p.thickness, said.onset_mm.value
+        cut = np.maximum(said.x_mm - onset + window / 7, 0.0)
+        curve = {"displacement_mm": said.x_mm, "force_N": said.force_N, "cut_length_mm": cut}
+        drawn = measures(curve, window_mm=window, height_mm=said.case.p.height)
+        assert said.steady_N.low <= drawn["steady_N"] <= said.steady_N.high
+        assert abs(drawn["drop_rel"] - said.drop.value) < 0.03
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"speed": ([1.0, 2.0], "kPa")}, "mm/s"), ({"speed": [1.0, 2.0]}, "unit"),
+        ({"sped": [1, 2]}, "speed"), ({"mu": [0.1, 0.2], "nu": [0.49] * 3}, "one length"),
+        ({"derivatives_by": ["mass"]}, "G_c"),
+    ],
+)  # fmt: skip
+def test_arrays_that_cannot_be_used_are_refused(changes, words):
+    with pytest.raises(BadInput, match=words):
+        estimate("gelatin", **changes)
+
+
 @pytest.mark.slow
 def test_runs_lie_where_it_says():
     """Four points that nobody ran before: nine in ten values lie within, so that most of these do."""
     inside = []
-    for parts in BLUNT_BLADES.points(4, seed=11):
-        case = BLUNT_BLADES.case(parts)
+    for parts in BLADES["wedge"].points(4, seed=11):
+        case = BLADES["wedge"].case(parts)
         said, run = estimate(case), run_case(case)
         for name in ("onset_mm", "peak_N", "steady_N"):
             interval, true = getattr(said, name), run.measures[name]

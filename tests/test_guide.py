@@ -139,8 +139,9 @@ def test_a_material_that_is_not_cut_or_not_in_the_atlas_is_refused(tmp_path):
     shallow = load_case("gelatin").set(depth="1 mm")
     with pytest.raises(BadInput, match="depth"):
         guides.guide_by_atlas(shallow)
-    done = CliRunner().invoke(app, ["guide", "gelatin_recalibrated"])
-    assert done.exit_code == 2 and "wedge" in done.output
+    (tmp_path / "bevel.toml").write_text('base = "gelatin_recalibrated"\nwith = "bevel"\n')
+    done = CliRunner().invoke(app, ["guide", str(tmp_path / "bevel.toml")])
+    assert done.exit_code == 2 and "bevel" in done.output
     done = CliRunner().invoke(app, ["guide", str(tmp_path)])
     assert done.exit_code == 2 and "--material" in done.output
 

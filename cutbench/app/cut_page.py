@@ -18,7 +18,7 @@ from cutbench.base.greek import plain_formula, subscripted
 from cutbench.case.case import Case
 from cutbench.case.motion import UNTIL
 from cutbench.case.numerics import PRESETS
-from cutbench.emulator.atlas import Estimate, NotInAtlas, estimate
+from cutbench.emulator.atlas import Estimate, NotInAtlas, shipped
 from cutbench.run.files import read_run
 
 _PARTS = {"parameters": "Material", "blade": "Blade", "specimen": "Specimen", "protocol": "Test"}
@@ -187,7 +187,7 @@ class CutPage:
                 wrong = error.key
                 raise
             try:
-                self._estimate = estimate(self.case)
+                self._estimate = shipped().estimate(self.case)
                 said = self._estimate.sentence()
                 self._verdict.set_text(f"{said[0].upper()}{said[1:]}.")
             except NotInAtlas as error:

@@ -29,7 +29,7 @@ from cutbench.app.page_parts import Bench
 from cutbench.base.errors import BadInput
 from cutbench.base.files import check_writable
 from cutbench.base.report import packaged_text
-from cutbench.emulator.atlas import estimate
+from cutbench.emulator.atlas import shipped
 
 HOST = "127.0.0.1"
 #: Nothing is loaded from elsewhere, and no other page may hold this one.
@@ -51,7 +51,7 @@ def workbench(folder: str | Path, token: str) -> FastAPI:
     There is one in a process, because the framework keeps its pages there.
     """
     bench = Bench(check_writable(folder).resolve())
-    estimate(Choice().case())  # the atlas is read before anybody waits for it
+    shipped().estimate(Choice().case())  # the atlas is read before anybody waits for it
     style = packaged_text("cutbench.app", "web/app.css")
 
     def page() -> None:

@@ -15,7 +15,7 @@ from cutbench.base.files import write_text
 from cutbench.base.greek import plain_formula
 from cutbench.case.case import Case
 from cutbench.case.case_file_text import case_text
-from cutbench.emulator.design_space import BLUNT_BLADES
+from cutbench.emulator.design_space import SIDES
 from cutbench.maps.axes import BOUNDARY, GRID
 from cutbench.maps.study import load_study
 
@@ -45,7 +45,7 @@ class AxisChoice:
 def axis_choices(case: Case) -> dict[str, AxisChoice]:
     """All that a map of this case can vary on a logarithmic axis, groups first, by name."""
     found = {}
-    held = {side.name: (side.low, side.high) for side in BLUNT_BLADES.ranges}
+    held = {side.name: (side.low, side.high) for side in SIDES}
     for name, group in case.model.settable_groups().items():
         title, value = f"{group.title or name} {plain_formula(group.text)}", group.value(case.p)
         # As far as the atlas goes, which can be asked at once.

@@ -12,7 +12,8 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
-        "atlas": ["Atlas", "Estimate", "NotInAtlas", "estimate", "shipped"],
+        "atlas": ["Atlas", "Estimate", "NotInAtlas", "shipped"],
+        "estimates": ["estimate"],
         "database": ["CutEmulator", "OutOfRange", "Run", "RunDatabase"],
         "groups": ["Groups"],
         "gaussian_process": ["GaussianProcess", "Kernel"],

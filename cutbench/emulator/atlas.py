@@ -1,8 +1,9 @@
 """Runs that the package brings along, and what they say of a case that was not computed.
 
-All blunt blades in all neo-Hookean gels are samples of one function of ten dimensionless groups (see
-``cutbench.emulator.groups``). The atlas has runs that fill a box of these groups; the emulator says what lies
-between them, and how surely. It is an estimate of a run at the default numerics, whatever code computes that.
+All blades in all neo-Hookean gels are samples of one function of some dozen dimensionless groups (see
+``cutbench.emulator.groups``). The atlas has runs that fill boxes of these groups, one for ellipses, one for
+wedges, one for wires; the emulator says what lies between them, and how surely. It is an estimate of a run at
+the default numerics, whatever code computes that.
 """
 
 from __future__ import annotations
@@ -21,12 +22,11 @@ from scipy.special import ndtr, ndtri
 
 from cutbench.base.display import Displayed
 from cutbench.base.errors import BadInput
-from cutbench.case.case import Case, case_of, warn_of_doubts
-from cutbench.case.model import groups
+from cutbench.case.case import Case
 from cutbench.case.motion import TRANSITION as UNTIL
 from cutbench.case.values import CLAMP
 from cutbench.emulator.alignment import AlignedCurves, Course, Curves
-from cutbench.emulator.design_space import BLUNT_BLADES, MAX_DEPTH, DesignSpace
+from cutbench.emulator.design_space import BLADES, MAX_DEPTH, OF_ALL_BLADES, SIDES, DesignSpace
 from cutbench.emulator.gaussian_process import GaussianProcess, Kernel
 from cutbench.emulator.groups import Groups, is_same_value
 from cutbench.run.measures import (
@@ -37,14 +37,15 @@ from cutbench.run.measures import (
     SETTLED,
     SMOOTH,
     TAIL,
+    TRANSITION,
     UNCUT,
+    relative_fall,
 )
 
 #: Travels beyond the onset, in halves of the blade's thickness, between which curves are straight.
 TRAVELS_BEYOND_ONSET = np.array(
-    [0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.65, 0.8, 1, 1.2, 1.5, 1.8, 2.2, 2.6, 3, 3.5, 4, 4.5, 5, 6, 7, 8, 9, 10,
-     12, 14, 17, 20, 25, 30, 38]
-)  # fmt: skip
+    [0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.65, 0.8, 1, 1.2, 1.5, 1.8, 2.2, 2.6, 3, 3.5, 4, 4.5, 5, 6]
+)
 #: Parts of the way to the onset.
 INTERVALS_TO_ONSET = 24
 #: The blade's thickness, in halves of it: the window of a drop.
@@ -58,10 +59,12 @@ WORK_FRACTIONS, WORK_TRAVELS = np.array([0.2, 0.5, 0.8, 1.0]), np.array([1.0, 3.
 #: Curves that are drawn, and the level of intervals.
 DRAWS, LEVEL = 200, 0.9
 NORMAL_QUANTILE = float(ndtri((1 + LEVEL) / 2))
+#: Number of the random draw of the steady force; curves have those before.
+OF_STEADY = 100
 #: What an estimate has intervals of, and their units.
 MEASURES = {"onset_mm": "mm", "peak_N": "N", "drop": "", "steady_N": "N"}
 #: The processes of the curves, and the measures that have one of their own.
-CURVES, MEASURES_WITH_PROCESS = ("onset", "before", "after"), ("peak", "drop", "steady")
+CURVES, MEASURES_WITH_PROCESS = ("onset", "before", "after"), ("peak", "drop", "steady", "slope")
 
 
 class NotInAtlas(BadInput):
@@ -181,12 +184,15 @@ class Estimate(Displayed):
 @dataclass(frozen=True)
 class Measures:
     """Measures at p places, in the atlas' units, each as the mean and the standard deviation (p, 2) of what
-    is normal: the logarithms of onset, peak and steady force, and the root of the drop."""
+    is normal: the logarithms of onset, peak and steady force, the root of the drop, and the slope of the
+    steady force; ``middle`` (p,) of the travel over which that is steady."""
 
     onset: np.ndarray
     peak: np.ndarray
     drop: np.ndarray
     steady: np.ndarray
+    slope: np.ndarray
+    middle: np.ndarray
 
     def uncut(self, depths: np.ndarray) -> np.ndarray:
         """Probability (p,) that the cut does not begin within depths (p,)."""
@@ -201,11 +207,10 @@ class Measures:
 
 class Atlas:
     """An atlas holds runs over ranges of dimensionless groups, and says what lies between them. With
-    ``groups`` (n, d), ``measured`` (n,)."""
+    ``groups`` (n, d), nan where a blade has none of ``SIDES``, ``measured`` (n,)."""
 
     def __init__(
         self,
-        space: DesignSpace,
         groups: np.ndarray,
         courses: Sequence[Course],
         measured: Mapping[str, np.ndarray],
@@ -214,7 +219,7 @@ class Atlas:
         wider: Mapping[str, float] | None = None,
         about: Mapping[str, Any] | None = None,
     ):
-        self.space, self.groups, self.courses, self.measured = space, groups, courses, measured
+        self.groups, self.courses, self.measured = groups, courses, measured
         self.cumulative_work, self.wider, self.about = cumulative_work or {}, wider or {}, about or {}
         known = kernels or {}
         self.X = self._coordinates(groups)
@@ -235,7 +240,7 @@ class Atlas:
         return of_curves | {name: made.kernel for name, made in self._own.items()}
 
     @classmethod
-    def read(cls, file: Any, space: DesignSpace = BLUNT_BLADES) -> Atlas:
+    def read(cls, file: Any) -> Atlas:
         """Read an atlas from a file that ``write`` made."""
         with np.load(file) as data:
             about = json.loads(str(data["about"]))
@@ -248,7 +253,7 @@ class Atlas:
             measured = {name: data[name].astype(float) for name in MEASURES_WITH_PROCESS}
             kernels = {n: k and Kernel(tuple(k["lengths"]), k["nugget"]) for n, k in about["kernels"].items()}
             groups = data["groups"].astype(float)
-            return cls(space, groups, courses, measured, cumulative_work, kernels, about["wider"], about)
+            return cls(groups, courses, measured, cumulative_work, kernels, about["wider"], about)
 
     def write(self, file: Path, about: Mapping[str, Any]) -> None:
         """Write the atlas into a file."""
@@ -267,15 +272,24 @@ class Atlas:
 
     def _coordinates(self, values: np.ndarray) -> np.ndarray:
         by_name = self._by_name(values)
-        columns = {side.name: side.coordinate(by_name[side.name]) for side in self.space.ranges}
+        columns = {n: SIDES[i].coordinate(by_name[n]) for i, n in enumerate(by_name) if n in OF_ALL_BLADES}
         # How fast a blade opens the cut is a matter of its own width: η v/a is smoother than η v/δ_c.
         columns["viscosity"] = np.arcsinh(by_name["viscosity"] * by_name["delta_c"] / SMALL_VISCOSITY)
         # What adheres deforms the gel: τ_W/G.
         columns["adhesion"] = np.arcsinh(by_name["adhesion"] * by_name["cohesion"] / SMALL_ADHESION)
-        return np.stack(list(columns.values()), axis=1)
+        # Blades of all kinds are told apart by what they share, a radius of the edge and a length over which
+        # they widen, and by which kind they are.
+        ellipse, wedge = np.isfinite(by_name["tip"]), np.isfinite(by_name["angle"])
+        with np.errstate(invalid="ignore"):
+            edge = np.where(ellipse, 1 / by_name["tip"], by_name["edge_radius"])
+            taper = np.where(ellipse, by_name["tip"], 1 / np.tan(by_name["angle"] / 2))
+        shape = [np.where(ellipse | wedge, each, 1.0) for each in (edge, taper)]
+        shape.append(np.where(wedge, by_name["shoulder"], 1.0))
+        kinds = [wedge.astype(float), (~ellipse & ~wedge).astype(float)]
+        return np.stack([*columns.values(), *np.log(shape), *kinds], axis=1)
 
     def _by_name(self, values: np.ndarray) -> dict[str, np.ndarray]:
-        return dict(zip([side.name for side in self.space.ranges], values.T, strict=True))
+        return dict(zip([side.name for side in SIDES], values.T, strict=True))
 
     def _normal_variable(
         self, name: str, value: np.ndarray, groups: np.ndarray, onset: np.ndarray, depth: np.ndarray
@@ -283,28 +297,25 @@ class Atlas:
         """What is normal of a measure."""
         if name == "drop":
             return np.sqrt(value)
-        usual = np.log(onset) if name == "peak" else np.log(self._steady_cutting_force(groups, onset, depth))
+        usual = onset if name == "peak" else self._steady_cutting_force(groups, onset, depth)
+        if name == "slope":
+            return value / usual
         with np.errstate(invalid="ignore", divide="ignore"):
-            return np.log(np.where(value > 0, value, np.nan)) - usual
+            return np.log(np.where(value > 0, value, np.nan)) - np.log(usual)
+
+    def _middle(self, groups: np.ndarray, onset: np.ndarray, depth: np.ndarray) -> np.ndarray:
+        """The middle (n,) of the travel over which a force counts as steady."""
+        end = np.minimum(depth, self._by_name(groups)["height"] - CLAMP * DROP_WINDOW)
+        start = np.maximum((1 - TAIL) * end, onset + SETTLED * DROP_WINDOW)
+        return (start + np.maximum(end, start)) / 2
 
     def _steady_cutting_force(self, groups: np.ndarray, onset: np.ndarray, depth: np.ndarray) -> np.ndarray:
         """Force (n,) that cutting at a steady pace takes about (Atkins 2009, The Science and Engineering of
         Cutting): the toughness with its viscous part, and adhesion along both faces, at the middle of the
         travel where it is measured."""
         g = self._by_name(groups)
-        end = np.minimum(depth, g["height"] - CLAMP * DROP_WINDOW)
-        start = np.maximum((1 - TAIL) * end, onset + SETTLED * DROP_WINDOW)
         toughness = g["cohesion"] * g["delta_c"] * (1 + g["viscosity"])
-        return toughness + g["adhesion"] * g["cohesion"] * (start + np.maximum(end, start)) / 2
-
-    def values(self, case: Case) -> list[float]:
-        """Compute the values of the groups of a case. Raises NotInAtlas."""
-        found = values_of(self.space, case)
-        for side, value in zip(self.space.ranges, found, strict=True):
-            if not side.low * (1 - 1e-6) <= value <= side.high * (1 + 1e-6):
-                expected = f"{side.low:g} to {side.high:g}, which the atlas has"
-                raise NotInAtlas(side.name, f"{value:.3g}", expected)
-        return found
+        return toughness + g["adhesion"] * g["cohesion"] * self._middle(groups, onset, depth)
 
     # -- what it says ---------------------------------------------------------------------------------
     def measures(self, groups: np.ndarray, depths: np.ndarray) -> Measures:
@@ -312,31 +323,32 @@ class Atlas:
         places = self._coordinates(groups)
         onset = np.stack(self.curves.log_onset(places), axis=1)
         onset[:, 1] *= self.wider.get("onset", 1.0)
-        found = {"onset": onset}
+        at, found = np.exp(onset[:, 0]), {"onset": onset}
         for name in MEASURES_WITH_PROCESS:
             made = self._own[name]
             mean, sd = made.mean(places), made.spread(places, runs=True) * self.wider.get(name, 1.0)
-            if name != "drop":
-                at = np.exp(onset[:, 0])
+            if name == "slope":
+                usual = self._steady_cutting_force(groups, at, depths)
+                mean, sd = mean * usual, sd * usual
+            elif name != "drop":
                 mean = mean - self._normal_variable(name, np.ones(len(at)), groups, at, depths)
             if name == "peak":
                 sd = np.hypot(sd, onset[:, 1])  # the force rises with the travel to the onset
             found[name] = np.stack([mean, sd], axis=1)
-        return Measures(**found)
+        return Measures(**found, middle=self._middle(groups, at, depths))
 
     def estimate(self, case: Case) -> Estimate:
         """Estimate what a run of a case would give. Raises NotInAtlas."""
-        groups, units = np.array([self.values(case)]), Groups.of(case)
+        groups, units = np.array([values_of(case)]), Groups.of(case)
         assert units is not None, "of the atlas' model"
         half, force = units.length(case.values), units.force(case.values)
         depth = depth_of(case)
         m, place = self.measures(groups, np.array([depth])), self._coordinates(groups)
-        uncut = float(m.uncut(np.array([depth]))[0])
-        abrupt = (1 - uncut) * float(ndtr(m.falls(ABRUPT_DROP))[0])
+        (uncut,), (abrupt,) = chances(m, np.array([depth]))
         cut = uncut < 0.5
         end = float(np.exp(m.onset[0, 0])) + (KNOWN if case.until == UNTIL else math.inf) * DROP_WINDOW
         x = np.linspace(0, min(depth, end), 161)
-        low, middle, high = force * self.band(groups, x)
+        low, middle, high = force * self.band(groups, m, x)
         whole = cut and end > depth and depth - math.exp(m.onset[0, 0]) > (SETTLED + 1) * DROP_WINDOW
         onset, peak, drop, steady = (getattr(m, n)[0] for n in ("onset", "peak", "drop", "steady"))
         return Estimate(
@@ -347,33 +359,41 @@ class Atlas:
             self._shares(place, x, float(np.exp(onset[0]))), self._nearest(place),
         )  # fmt: skip
 
-    def band(self, groups: np.ndarray, x: np.ndarray) -> np.ndarray:
-        """Compute the middle and the 90 % interval of the force along the travel. With ``groups`` (1, d),
-        ``x`` (k,); gives (3, k)."""
+    def band(self, groups: np.ndarray, m: Measures, x: np.ndarray) -> np.ndarray:
+        """Compute the force along the travel that has the measures ``m``, and its 90 % interval. With
+        ``groups`` (1, d), ``x`` (k,); gives low, middle and high (3, k)."""
 
         def normal(part: int, r: int) -> np.ndarray:
             half = np.random.default_rng(part).standard_normal((DRAWS // 2, r))
-            return self.wider.get("curve", 1.0) * np.concatenate([half, -half])
+            drawn = self.wider.get("curve", 1.0) * np.concatenate([half, -half])
+            return np.concatenate([np.zeros((1, r)), drawn])  # the first is the mean
 
         drawn = self.curves.draws(self._coordinates(groups), normal)
         onset, before, after = (each[0] for each in drawn)
-        curves = []
-        for at, rising, later in zip(onset, before, after, strict=True):
-            rise = np.linspace(0, at, rising.size)
-            curves.append(
-                np.where(x <= at, np.interp(x, rise, rising), np.interp(x - at, TRAVELS_BEYOND_ONSET, later))
-            )
-        return np.quantile(curves, [(1 - LEVEL) / 2, 0.5, (1 + LEVEL) / 2], axis=0)
+        levels, slopes = (getattr(m, n)[0] @ [np.ones(DRAWS + 1), normal(part, 1)[:, 0]]
+                          for part, n in ((OF_STEADY, "steady"), (OF_STEADY + 1, "slope")))  # fmt: skip
+        after[0] = _falling(onset[0], before[0], after[0], m.drop[0, 0])
+        curves = [
+            joined(x, *parts, m.middle[0])
+            for parts in zip(onset, before, after, levels, slopes, strict=True)
+        ]  # fmt: skip
+        ends = np.quantile(curves[1:], [(1 - LEVEL) / 2, (1 + LEVEL) / 2], axis=0)
+        return np.array([np.minimum(ends[0], curves[0]), curves[0], np.maximum(ends[1], curves[0])])
+
+    def forces(self, groups: np.ndarray, m: Measures, x: np.ndarray) -> np.ndarray:
+        """Compute the forces (p, k) that have the measures ``m``, at travels of their own. With ``groups``
+        (p, d), ``x`` (p, k)."""
+        drawn = self.curves.draws(self._coordinates(groups), lambda part, r: np.zeros((1, r)))
+        onset, before, after = (each[:, 0] for each in drawn)
+        falling = [_falling(*each) for each in zip(onset, before, after, m.drop[:, 0], strict=True)]
+        parts = x, onset, before, falling, m.steady[:, 0], m.slope[:, 0], m.middle
+        return np.array([joined(*each) for each in zip(*parts, strict=True)])
 
     def _nearest(self, place: np.ndarray, count: int = 3) -> tuple[tuple[float, Mapping[str, float]], ...]:
         kernel = self.curves.kernels[0]
         assert kernel is not None
         far = kernel.distances(place, self.X)[0]
-        names = [side.name for side in self.space.ranges]
-        return tuple(
-            (float(far[i]), dict(zip(names, map(float, self.groups[i]), strict=True)))
-            for i in np.argsort(far)[:count]
-        )
+        return tuple((float(far[i]), named(self.groups[i])) for i in np.argsort(far)[:count])
 
     def _shares(self, place: np.ndarray, x: np.ndarray, onset: float) -> dict[str, np.ndarray]:
         """By mechanism, the part (k,) of the work until travels (k,)."""
@@ -406,10 +426,31 @@ def depth_of(case: Case) -> float:
     return min(case.values["depth"] / (case.values["thickness"] / 2), MAX_DEPTH)
 
 
-def values_of(space: DesignSpace, case: Case) -> list[float]:
-    """Values of a design space's groups of a case, of whatever size. Raises NotInAtlas for another model."""
-    base, known = space.base, groups()
-    of = {s.name: known[s.name].parameter if s.name in known else s.name for s in space.ranges}
+def chances(m: Measures, depths: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Probabilities (p,) that nothing is cut within depths (p,), and that the cut is abrupt."""
+    uncut = m.uncut(depths)
+    return uncut, (1 - uncut) * ndtr(m.falls(ABRUPT_DROP))
+
+
+def named(row: np.ndarray) -> dict[str, float]:
+    """By name what a row of groups has, without the sides of other blades."""
+    return {s.name: float(v) for s, v in zip(SIDES, row, strict=True) if math.isfinite(v)}
+
+
+def row_of(space: DesignSpace, values: Sequence[Any]) -> list[Any]:
+    """A row of all sides, of values of those of a space."""
+    known = dict(zip([side.name for side in space.ranges], values, strict=True))
+    return [known.get(side.name, math.nan) for side in SIDES]
+
+
+def space_of(case: Case) -> DesignSpace:
+    """The design space of a case's blade and model. Raises NotInAtlas where there is none."""
+    tool = case.model.tool
+    if tool is None or tool.name not in BLADES:
+        raise NotInAtlas("mechanisms", tool.name if tool else "none", f"a blade of {', '.join(BLADES)}")
+    space = BLADES[tool.name]
+    base = space.base
+    of = space.parameters
     # A side that begins at 0 does so where a law has no effect: a case may lack it.
     switched = {of[s.name] for s in space.ranges if s.low == 0}
     strange = [law.name for law in case.model.all if law.name not in base.mechanisms]
@@ -429,53 +470,52 @@ def values_of(space: DesignSpace, case: Case) -> list[float]:
         if name not in {*of.values(), units.modulus} and not is_same_value(value, at_base[name]):
             q = base.model.parameters()[name]
             raise NotInAtlas(name, q.show(case.values[name]), f"{q.show(base.values[name])}, as in the atlas")
-    return [
-        0.0 if of[s.name] not in case.values
-        else known[s.name].value(case.p) if s.name in known else reduced[s.name]
-        for s in space.ranges
-    ]  # fmt: skip
+    return space
+
+
+def values_of(case: Case, *, checked: bool = True) -> list[float]:
+    """The row of a case, of whatever size. Raises NotInAtlas where a ``checked`` one lies outside."""
+    space, units = space_of(case), Groups.of(case)
+    assert units is not None, "of the atlas' model"
+    found = [float(v) for v in space.of_values(units, case.model, case.values)]
+    for side, value in zip(space.ranges, found, strict=True):
+        if checked and not side.holds(value):
+            raise NotInAtlas(*space.outside(side, value, case))
+    return row_of(space, found)
 
 
 @cache
 def shipped() -> Atlas:
-    """Return the atlas that the package brings along: of blunt blades."""
-    return Atlas.read(files("cutbench.emulator") / "blunt.npz")
+    """Return the atlas that the package brings along."""
+    return Atlas.read(files("cutbench.emulator") / "atlas.npz")
 
 
-def estimate(source: Case | str | Path, **changes: object) -> Estimate:
-    """Estimate what a run would give from an atlas of earlier runs, without computing it.
+def joined(
+    x: np.ndarray, onset: float, rising: np.ndarray, later: np.ndarray, level: float, slope: float,
+    middle: float,
+) -> np.ndarray:  # fmt: skip
+    """The force at travels ``x`` (k,): up to the onset, through the transition, and from there over into the
+    line of steady cutting, whose logarithm is ``level`` in the ``middle``."""
+    beyond = x - onset
+    force = np.where(
+        beyond <= 0, np.interp(x, np.linspace(0, onset, rising.size), rising),
+        np.interp(beyond, TRAVELS_BEYOND_ONSET, later),
+    )  # fmt: skip
+    part = np.clip((beyond / DROP_WINDOW - TRANSITION) / (SETTLED - TRANSITION), 0.0, 1.0)
+    return force + part * (np.maximum(math.exp(level) + slope * (x - middle), 0.0) - force)
 
-    The atlas comes with the package; its runs are of the default model with blunt blades.
 
-    Parameters
-    ----------
-    source : Case, str or Path
-        A case, a material's name, or a case file.
-    **changes : object
-        What differs from the source, as ``run2d`` takes it.
-
-    Returns
-    -------
-    Estimate
-        Force, measures and regime, with their intervals.
-
-    Raises
-    ------
-    BadInput
-        For a source or a change that cannot be used.
-    NotInAtlas
-        If the atlas does not say.
-
-    Examples
-    --------
-    >>> import cutbench
-    >>> found = cutbench.estimate("gelatin", eta_reg="10 s")
-    >>> found.verdict
-    'smooth'
-    """
-    case = case_of(source, changes)
-    warn_of_doubts(case, 2)
-    return shipped().estimate(case)
+def _falling(onset: float, rising: np.ndarray, later: np.ndarray, root_drop: float) -> np.ndarray:
+    """A curve beyond its onset, bent where it is lowest until it falls by a drop."""
+    x, lowest = TRAVELS_BEYOND_ONSET, int(later.argmin())
+    if not lowest:
+        return later
+    travel = np.concatenate([np.linspace(0, onset, rising.size), onset + x[1:]])
+    bend = later.max() * np.interp(x, [0, x[lowest], x[-1]], [0.0, 1.0, 0.0])
+    for _ in range(3):
+        falls = relative_fall(travel, np.concatenate([rising, later[1:]]), DROP_WINDOW, onset, 0.0)
+        later = np.maximum(later - (max(root_drop, 0.0) ** 2 - falls) * bend, 0.0)
+    return later
 
 
 def _interval(normal: np.ndarray, unit: float, there: bool, root: bool = False) -> Interval:

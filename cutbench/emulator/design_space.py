@@ -1,15 +1,18 @@
-"""The design space of the atlas: the ranges of dimensionless groups that its runs fill."""
+"""The design spaces of the atlas: the ranges of dimensionless groups that its runs fill, a blade each."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from cutbench.case.case import Case, load_case
+from cutbench.case.model import Model, groups
+from cutbench.emulator.groups import Groups
 
 #: Part of a side that ends in a value of 0, in which the value *is* 0: many a user has no friction.
 FRACTION_SWITCHED_OFF = 0.2
@@ -34,6 +37,8 @@ class GroupRange:
         its effect off; the logarithm of 1 − 2 ν.
     unit : float
         Below it, the inverse hyperbolic sine goes in proportion.
+    least : float
+        What is not 0 is at least this: a slit that is shorter than the edge is round is none.
     """
 
     name: str
@@ -41,6 +46,7 @@ class GroupRange:
     high: float
     kind: str = "log"
     unit: float = 1.0
+    least: float = 0.0
 
     def coordinate(self, value: np.ndarray) -> np.ndarray:
         """Where values are, as the emulator takes them."""
@@ -49,11 +55,17 @@ class GroupRange:
             return np.log(np.maximum(value, 1e-300))
         return np.arcsinh(value / self.unit) if self.kind == "asinh" else -np.log1p(-2 * value)
 
+    def holds(self, value: np.ndarray | float) -> np.ndarray | bool:
+        """Whether values are within it."""
+        return (self.low * (1 - 1e-6) <= value) & (value <= self.high * (1 + 1e-6))
+
     def value(self, part: float) -> float:
         """The value at a part (0 to 1) of the side, six digits."""
         if self.kind == "asinh":
-            part = max(0.0, (part - FRACTION_SWITCHED_OFF) / (1 - FRACTION_SWITCHED_OFF))
-        low, high = self.coordinate(np.array([self.low, self.high]))
+            part = (part - FRACTION_SWITCHED_OFF) / (1 - FRACTION_SWITCHED_OFF)
+            if part <= 0:
+                return 0.0
+        low, high = self.coordinate(np.array([self.low or self.least, self.high]))
         at = low + part * (high - low)
         back = {
             "log": math.exp,
@@ -65,15 +77,41 @@ class GroupRange:
 
 @dataclass(frozen=True)
 class DesignSpace:
-    """The sides, and the material whose model and units its cases have."""
+    """The sides, and the material and the blade whose model and units its cases have."""
 
     material: str
+    blade: str
     ranges: tuple[GroupRange, ...]
 
     @cached_property
     def base(self) -> Case:
         """The case whose groups are set."""
-        return load_case(self.material)
+        return load_case(self.material, {"with_": self.blade})
+
+    @cached_property
+    def parameters(self) -> dict[str, str]:
+        """By side the parameter that sets it."""
+        known = groups()
+        return {s.name: known[s.name].parameter if s.name in known else s.name for s in self.ranges}
+
+    def of_values(self, units: Groups, model: Model, values: Mapping[str, Any]) -> list[Any]:
+        """The groups, a side each, of values in internal units, numbers or arrays; 0 where there is none."""
+        reduced, p, known = units.reduced(values), model.namespace(values), groups()
+        return [
+            0.0 * values[units.modulus] if self.parameters[s.name] not in values
+            else known[s.name].value(p) if s.name in known else reduced[s.name]
+            for s in self.ranges
+        ]  # fmt: skip
+
+    def outside(self, side: GroupRange, value: float, case: Case) -> tuple[str, str, str]:
+        """What is wrong with a value of a side, for a case that has it: the parameter, its value, and the
+        nearest value within."""
+        name, nearest = self.parameters[side.name], min(max(value, side.low), side.high)
+        q, group = case.model.parameters()[name], groups().get(side.name)
+        at = case.values[name] * nearest / value if group is None else group.solve(case.p, nearest)
+        text = group.text if group else f"{name}/a" if q.unit == "mm" else name
+        found = f"the atlas has {text} from {side.low:g} to {side.high:g}, and here it is {value:.3g}"
+        return name, q.show(case.values[name]), f"{q.show(at)} or another blade or speed: {found}"
 
     def points(self, count: int, seed: int) -> np.ndarray:
         """Parts (count, d) of the sides: the first of Sobol's sequence, scrambled, so that the first half of
@@ -89,28 +127,49 @@ class DesignSpace:
 
     def case_of(self, values: Sequence[float]) -> Case:
         """The case whose groups have values (d,)."""
-        groups = dict(zip([side.name for side in self.ranges], values, strict=True))
+        asked = dict(zip([side.name for side in self.ranges], values, strict=True))
         half, known = self.base.values["thickness"] / 2, self.base.model.parameters()
-        lengths = {name for name in groups if name in known and known[name].unit == "mm"}
-        changes = {n: f"{half * v:.6g} mm" if n in lengths else v for n, v in groups.items()}
+        units = {"mm": (half, "mm"), "deg": (math.degrees(1), "deg")}
+
+        def text(name: str, value: float) -> object:
+            size, unit = units.get(known[name].unit if name in known else "", (1.0, ""))
+            return f"{size * value:.6g} {unit}" if unit else value
+
+        changes = {name: text(name, value) for name, value in asked.items()}
         return self.base.set(
-            **changes, depth=f"{half * min(MAX_DEPTH_FRACTION * groups['height'], MAX_DEPTH):.6g} mm"
+            **changes, depth=f"{half * min(MAX_DEPTH_FRACTION * asked['height'], MAX_DEPTH):.6g} mm"
         )
 
 
-#: A blunt blade with an elliptic tip.
-BLUNT_BLADES = DesignSpace(
-    "gelatin",
-    (
-        GroupRange("cohesion", 1.0, 15.0),
-        GroupRange("viscosity", 0.003, 10.0),
-        GroupRange("adhesion", 0.0, 0.3, "asinh", 0.03),
-        GroupRange("mu", 0.0, 0.5, "asinh", 0.05),
-        GroupRange("delta_c", 0.1, 0.4),
-        GroupRange("surface_length", 0.05, 0.4),
-        GroupRange("width", 40.0, 160.0),
-        GroupRange("height", 30.0, 120.0),
-        GroupRange("nu", 0.45, 0.4995, "incompressible"),
-        GroupRange("tip", 1.5, 6.0),
-    ),
+#: What blades of every kind have.
+_COMMON = (
+    GroupRange("cohesion", 1.0, 50.0),
+    GroupRange("viscosity", 0.003, 10.0),
+    GroupRange("adhesion", 0.0, 0.3, "asinh", 0.03),
+    GroupRange("mu", 0.0, 0.4, "asinh", 0.05),
+    GroupRange("delta_c", 0.04, 0.4),
+    GroupRange("surface_length", 0.03, 0.4),
+    GroupRange("width", 40.0, 160.0),
+    GroupRange("height", 30.0, 120.0),
+    GroupRange("nu", 0.45, 0.4995, "incompressible"),
+    GroupRange("precut", 0.0, 8.0, "asinh", 1.0, 0.5),
 )
+#: By the name of the blade's law: what the atlas has runs of.
+BLADES = {
+    "contact": DesignSpace("gelatin", "contact", (*_COMMON, GroupRange("tip", 1.0, 6.0))),
+    "wedge": DesignSpace(
+        "gelatin_recalibrated",
+        "wedge",
+        (
+            *_COMMON,
+            GroupRange("angle", math.radians(12), math.radians(40)),
+            GroupRange("edge_radius", 0.02, 0.3),
+            GroupRange("shoulder", 0.3, 1.2),
+        ),
+    ),
+    "wire": DesignSpace("gelatin", "wire", _COMMON),
+}
+#: Names of those that all blades have.
+OF_ALL_BLADES = tuple(side.name for side in _COMMON)
+#: All sides that a blade has; a case has no number of those of other blades.
+SIDES = tuple({side.name: side for space in BLADES.values() for side in space.ranges}.values())

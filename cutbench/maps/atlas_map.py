@@ -16,7 +16,8 @@ from cutbench.base.errors import BadInput
 from cutbench.base.files import write_text
 from cutbench.base.toml import line_of
 from cutbench.case.case import Case
-from cutbench.emulator.atlas import Atlas, Measures, NotInAtlas, depth_of, shipped
+from cutbench.emulator.atlas import Atlas, Measures, NotInAtlas, depth_of, shipped, values_of
+from cutbench.emulator.design_space import BLADES
 from cutbench.maps.axes import BOUNDARY
 from cutbench.maps.boundary import (
     NORMAL_QUANTILE,
@@ -87,7 +88,7 @@ def _speaks_of(study: Study) -> bool:
     """Whether the atlas has the study's measure and its numerics."""
     atlas, own = shipped(), study.base.to_dict()["numerics"]
     # A choice that cutbench has had since stands at its default in the atlas.
-    theirs = atlas.space.base.to_dict()["numerics"] | atlas.about["numerics"]
+    theirs = next(iter(BLADES.values())).base.to_dict()["numerics"] | atlas.about["numerics"]
     return study.regime.surge_min is None and own == theirs
 
 
@@ -137,7 +138,7 @@ def _levels(atlas: Atlas, study: Study) -> Iterator[tuple[Index, tuple[slice | i
 
 def _measures(atlas: Atlas, cases: Sequence[Case]) -> tuple[Measures, np.ndarray]:
     """Of cases, and their depths (p,) in halves of the blade's thickness. Raises NotInAtlas."""
-    values = np.array([atlas.values(case) for case in cases])
+    values = np.array([values_of(case) for case in cases])
     depths = np.array([depth_of(case) for case in cases])
     return atlas.measures(values, depths), depths
 

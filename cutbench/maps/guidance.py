@@ -19,7 +19,8 @@ from cutbench.base.errors import BadInput
 from cutbench.case.case import Case, load_case
 from cutbench.case.model import levers
 from cutbench.emulator import Atlas, NotInAtlas, shipped
-from cutbench.emulator.atlas import depth_of
+from cutbench.emulator.atlas import depth_of, named, values_of
+from cutbench.emulator.design_space import SIDES
 from cutbench.maps.axes import Axis, places, values_on
 from cutbench.maps.boundary import (
     NORMAL_QUANTILE,
@@ -138,8 +139,7 @@ class AtlasReader:
 
     def of(self, case: Case) -> dict[str, float]:
         """Where a case is. Raises NotInAtlas."""
-        values = self._atlas.values(case)
-        return dict(zip([side.name for side in self._atlas.space.ranges], values, strict=True))
+        return named(np.array(values_of(case)))
 
     def place(self, case: Case) -> dict[str, float] | None:
         """Where a case is; None where nothing is known of it."""
@@ -151,7 +151,9 @@ class AtlasReader:
     def margin(self, at: list[dict[str, float]]) -> tuple[np.ndarray, np.ndarray]:
         """Margin and its standard deviation (n,) at places; nan where nothing is cut."""
         depths = np.full(len(at), self._depth)
-        estimates = self._atlas.measures(np.array([list(place.values()) for place in at]), depths)
+        estimates = self._atlas.measures(
+            np.array([[place.get(s.name, math.nan) for s in SIDES] for place in at]), depths
+        )
         mean, score, _ = margins_by_atlas(estimates, ABRUPT_DROP)
         return np.where(estimates.uncut(depths) > 0.5, np.nan, mean), spread_of(mean, score)
 

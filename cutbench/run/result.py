@@ -276,10 +276,10 @@ class Outcome:
 
 def friction_advice(case: Case, onset_mm: float) -> str:
     """What there is to know of a blade that rubs and has not cut; empty for any other."""
-    p, none = case.p, np.zeros(1)
+    p, none, soft = case.p, np.zeros(1), np.array([case.model.shear_modulus(case.p)])
     at = Points(X=np.zeros((3, 1)), touched=none + 1, slid=none, slip_rate=none, speed=p.speed, dt=1.0)
     laws = [law for law in case.model.laws("blade") if law.role == "friction"]
-    rubs = [law.name for law in laws if law.strength(none + case.model.shear_modulus(p), p, law.start(1, p), at)[0] > 0]
+    rubs = [law.name for law in laws if law.strength(soft, p, law.start(1, p), at)[0] > 0]
     if not rubs or not math.isnan(onset_mm):
         return ""
     return (

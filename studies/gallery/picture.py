@@ -34,8 +34,9 @@ def wires(axes: Axes, found: Mapping[object, Result]) -> None:
         axes.plot(WIRES_MM, values, "o-", ms=4, color=COLOURS[colour], label=text)
     for mu, marker in zip(PROPORTIONAL, "vs^", strict=True):
         axes.plot([0.5], [steady(found[mu])], marker, color=COLOURS["vermilion"], ms=4, label=f"μ = {mu:g}")
-    axes.set(xlabel="diameter of the wire, d (mm)", ylabel="F/(b G_c)", xlim=(0, None), ylim=(0, None))
-    axes.legend(frameon=False)
+    axes.set(xlabel="diameter of the wire, d (mm)", ylabel=r"$F/(b\,G_\mathrm{c})$")
+    axes.set(xlim=(0, None), ylim=(0, None))
+    axes.legend(frameon=False, fontsize=6, loc="lower right", ncols=2)
 
 
 def entering(axes: Axes, found: Mapping[object, Result], material: str) -> None:
@@ -71,7 +72,7 @@ def all_of_them(axes: Axes, found: Mapping[str, Mapping[object, Result]]) -> Non
         points = [(sharpness(r), steady(r)) for r in results.values()]
         axes.loglog(*np.array(points).T, "osD^v<>p"[k], ms=4, color=ORDER[k % len(ORDER)], label=title)
     axes.axhline(1, color=GREY, lw=0.8, zorder=0)
-    axes.set(xlabel="r E/G_c", ylabel="F/(b G_c) in steady cutting", ylim=(0.8, 6))
+    axes.set(xlabel=r"$r\,E/G_\mathrm{c}$", ylabel=r"$F/(b\,G_\mathrm{c})$ in steady cutting", ylim=(0.8, 6))
     plain(axes)
 
 
@@ -81,7 +82,7 @@ def onsets(axes: Axes, found: Mapping[str, Mapping[object, Result]]) -> None:
         cut = [r for r in results.values() if not math.isnan(onset(r))]
         points = [(sharpness(r), onset(r) * sharpness(r) / r.case.p.edge_radius) for r in cut]
         axes.loglog(*np.array(points).T, "^v"[k], ms=4, color=ORDER[4 + k], label=title)
-    axes.set(xlabel="r E/G_c", ylabel="onset E/G_c", ylim=(4, 90))
+    axes.set(xlabel=r"$r\,E/G_\mathrm{c}$", ylabel=r"onset $\times\,E/G_\mathrm{c}$", ylim=(4, 90))
     plain(axes)
 
 
