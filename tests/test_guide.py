@@ -61,7 +61,11 @@ def test_each_change_crosses_where_it_says(data, material):
     found = guides.guide(data, material)
     case = load_case(material)
     abrupt = analytic_runs.drop_of(case) >= 0.1
-    assert found.regime == ("abrupt" if abrupt else "smooth") and found.changes
+    assert found.changes
+    if material == "elastomer":  # with friction, of which the map knows nothing
+        assert "μ = 0.35" in found.doubt and not found.sure
+    else:
+        assert found.regime == ("abrupt" if abrupt else "smooth")
     for change in found.changes:
         unit = "" if change.unit == "1" else f" {change.unit}"
         beyond = change.to * (1.1 if change.to > change.now else 1 / 1.1)

@@ -41,7 +41,7 @@ from cutbench.maps.dataset import (
     regime_of,
     row_of,
 )
-from cutbench.maps.marked_materials import differing_groups
+from cutbench.maps.marked_materials import differences
 from cutbench.maps.uncertainty import MODEL, NUMERICS, log_ratio, total_change, uncertainty_strips, undecided
 from cutbench.run.measures import ABRUPT, ABRUPT_DROP, SMOOTH, UNCUT, UNDECIDED
 from cutbench.run.result import Result
@@ -101,7 +101,6 @@ class Guide:
     margin_sd: float
     changes: tuple[LeverChange, ...]
     still: dict[str, str]
-    differs: dict[str, tuple[float, float]]
     #: Why the regime is undecided, in words; empty if it is not.
     doubt: str = ""
 
@@ -123,9 +122,6 @@ class Guide:
         else:
             lines.append(f"Nothing tried makes it {other} within what is known.")
         lines += [f"  {lever}: {reason}" for lever, reason in self.still.items()]
-        if self.differs:
-            parts = ", ".join(f"{name} {b:.3g} (map: {a:.3g})" for name, (a, b) in self.differs.items())
-            lines.append(f"Not on the map's axes, and different from it: {parts}.")
         return "\n".join(lines)
 
 
@@ -228,9 +224,13 @@ def guide(data: xr.Dataset, material: str) -> Guide:
             f"{a.name} {a.values[0]:.3g} to {a.values[-1]:.3g} (it has {at[a.name]:.3g})" for a in reader.free
         )
         raise BadInput("--material", material, f"a material within the map: {ranges}")
-    by_map, differs = _guide(reader, case, at), differing_groups(physics_by_place(data)(at), case)
+    by_map, differs = _guide(reader, case, at), differences(physics_by_place(data)(at), case)
     doubt = _undecided_reason(data, by_map.margin)
-    return replace(by_map, regime=UNDECIDED if doubt else by_map.regime, doubt=doubt, differs=differs)
+    if differs:
+        doubt = f"what the map does not vary is another for this material, {differs}"
+    return replace(
+        by_map, regime=UNDECIDED if doubt else by_map.regime, sure=by_map.sure and not doubt, doubt=doubt
+    )
 
 
 def guide_by_atlas(material: str | Case) -> Guide:
@@ -259,7 +259,7 @@ def _guide(reader: Reader, case: Case, at: dict[str, float]) -> Guide:
     changes.sort(key=lambda change: (change.effort, change.to))
     sure = bool(abs(mean) > NORMAL_QUANTILE * spread)
     side = ABRUPT if mean >= 0 else SMOOTH
-    return Guide(case.name, at, side, sure, float(mean), float(spread), tuple(changes), still, {})
+    return Guide(case.name, at, side, sure, float(mean), float(spread), tuple(changes), still)
 
 
 def _undecided_reason(data: xr.Dataset, margin: float) -> str:

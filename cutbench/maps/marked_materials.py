@@ -47,7 +47,7 @@ def read_mark(
         raise BadInput("mark", source, f"a material that this study can run: {error}") from error
     differs = ""
     with contextlib.suppress(BadInput):  # off the axes there may be no such case
-        differs = _differences(place([at[axis.name] for axis in axes]), own)
+        differs = differences(place([at[axis.name] for axis in axes]), own)
     return Mark(own.name, at, case, differs)
 
 
@@ -61,7 +61,7 @@ def differing_groups(here: Case | Physics, own: Case) -> dict[str, tuple[float, 
     }
 
 
-def _differences(here: Case, own: Case) -> str:
+def differences(here: Case | Physics, own: Case) -> str:
     """``μ = 0.35``, ``with gent``: what is the material's own and not the map's."""
     declared = own.model.parameters()
     parts = [

@@ -14,8 +14,9 @@ from cutbench.mechanisms.blade._profile import Profiled, flank
 from cutbench.mechanisms.blade._rigid import PLACED
 
 EDGE = Parameter.positive(
-    "edge_radius", "mm", "r", "radius of the edge", default=0.02, sought=False, unmeasured=(0.5, 2.0)
-)
+    "edge_radius", "mm", "r", "radius of the edge", default=0.02, sought=False, unmeasured=(0.5, 2.0),
+    lever="edge",
+)  # fmt: skip
 SHOULDER = Parameter.positive(
     "shoulder", "mm", "r_s", "radius between flank and band", default=0.35, sought=False
 )
@@ -59,6 +60,7 @@ class Wedge(Profiled):
         Parameter.positive("thickness", "mm", "2a", "blade thickness", default=0.7, sought=False),
         Parameter(
             "angle", "deg", "2α", "between the flanks", low=1, high=178, default=20.0, sought=False,
+            lever="angle",
         ),
         EDGE,
         SHOULDER,
