@@ -9,9 +9,11 @@ import pytest
 from refusals import refusal
 from typer.testing import CliRunner
 
+import cutbench
 from cutbench.base.errors import BadInput
 from cutbench.case.case import load_case
 from cutbench.cli.main import app
+from cutbench.data import Experiment, FitPlan, Repetition
 from cutbench.emulator import estimate
 from cutbench.emulator.atlas import NotInAtlas, shipped
 from cutbench.emulator.design_space import BLADES, FRACTION_SWITCHED_OFF, SIDES
@@ -206,6 +208,26 @@ def test_the_drawn_curve_has_the_numbers_beside_it():
 def test_arrays_that_cannot_be_used_are_refused(changes, words):
     with pytest.raises(BadInput, match=words):
         estimate("gelatin", **changes)
+
+
+def test_a_fit_takes_cuts_from_it_and_computes_none():
+    """Of noisy curves that it gives itself it finds the gel, beginning from another."""
+    rng, cuts = np.random.default_rng(11), []
+    base = load_case("gelatin", {"depth": "6 mm"})
+    for name, speed in (("slow", 0.021), ("fast", 0.05)):
+        said = estimate(base.set(G="9 kPa", G_c="6.5 J/m^2", speed=f"{speed} mm/s"))
+        repetitions = tuple(
+            Repetition(said.x_mm[::4], force + 0.01 * force.max() * rng.standard_normal(force.size))
+            for force in [said.force_N[::4]] * 3
+        )
+        cuts.append(Experiment(name, "cut", repetitions, speed=speed))
+    found = cutbench.fit(
+        cutbench.Campaign("Gel", base, tuple(cuts), plan=FitPlan(free=("G", "G_c"))), workers=0, by_atlas=True
+    )
+    assert found.done and found.runs == 0
+    for name, true in (("G", 0.009), ("G_c", 0.0065)):
+        assert found.estimate(name).low <= true <= found.estimate(name).high
+        assert found.estimate(name).value == pytest.approx(true, rel=0.1)
 
 
 @pytest.mark.slow

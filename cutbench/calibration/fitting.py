@@ -328,6 +328,7 @@ def fit(
     store: str | Path | None = None,
     runs: CutRuns | None = None,
     on_stage: Callable[[Fit], None] | None = None,
+    by_atlas: bool = False,
 ) -> Fit:
     """Fit the free parameters of a campaign's model to all its train tests, and predict the other tests.
 
@@ -353,6 +354,9 @@ def fit(
         Computes cuts in place of ``workers`` and ``store``.
     on_stage : callable, optional
         Called with what is known, each time that better values are found.
+    by_atlas : bool
+        Whether cuts are those of the atlas that cutbench brings along: none is computed, and its error is
+        part of the intervals.
 
     Returns
     -------
@@ -386,7 +390,7 @@ def fit(
         if label not in (known := [u.label for u in parameters]):
             raise BadInput("profile", label, one_of(label, known))
     with runs_for(campaign, workers, store, limit_s, runs) as ready:
-        fitting = Fitting(campaign, ready, parameters, on_progress, refine, on_stage)
+        fitting = Fitting(campaign, ready, parameters, on_progress, refine, on_stage, by_atlas)
         fitting.go(due=time.monotonic() + limit_s)
         return fitting.result(profile)
 
@@ -429,13 +433,14 @@ class Fitting:
         on_progress: OnProgress = silent,
         refine: bool = True,
         on_stage: Callable[[Fit], None] | None = None,
+        by_atlas: bool = False,
     ):
         self._began, self._on_stage = time.perf_counter(), on_stage
         self.campaign, self.runs, self.refine, self._on_progress = campaign, runs, refine, on_progress
         grids = {e.id: e.on_grid(GRID) for e in campaign.experiments}
         names = [u.name for u in parameters]
         self.posterior = Posterior.of(
-            Predictions(campaign, with_one_detail(campaign), grids, runs, names), parameters
+            Predictions(campaign, with_one_detail(campaign), grids, runs, names, by_atlas), parameters
         )
         self.best: Estimated | None = None
         self.status, self.fixed = UNDER_WAY, dict[str, str]()
@@ -467,6 +472,10 @@ class Fitting:
         """What is known."""
         posterior = self.posterior if self.best is None else self.best.posterior
         done, notes = self.status in (CONVERGED, STOPPED), list(self.campaign.all_notes())
+        if self.posterior.predictions.by_atlas:
+            notes.append(
+                "Cuts are those of the atlas: an estimate, whose error the intervals have. Runs say more."
+            )
         covariance, found = _estimates(posterior, self.best, done)
         case = posterior.case(np.zeros(len(posterior.parameters)) if self.best is None else self.best.q)
         compared = _compared(posterior, self.best, notes, done)

@@ -20,7 +20,7 @@ from cutbench.case.motion import Motion
 from cutbench.data.campaign import Campaign
 from cutbench.data.experiment import Experiment
 from cutbench.data.repetition import Averaged
-from cutbench.emulator import CutEmulator, OutOfRange
+from cutbench.emulator import AtlasCuts, CutEmulator, OutOfRange
 from cutbench.homogeneous import slopes
 
 #: Cuts are computed deeper than they were measured by this part, where the specimen is high enough: a machine
@@ -76,8 +76,11 @@ class Predictions:
         grids: Mapping[str, Averaged],
         runs: CutRuns,
         free: Sequence[str],
+        by_atlas: bool = False,
     ):
         self.campaign, self.base, self.grids, self.runs = campaign, base, grids, runs
+        #: Whether cuts are those of the atlas, so that none is computed.
+        self.by_atlas = by_atlas
         rig = {q.name for law in base.model.laws("rig") for q in law.parameters}
         self.free = tuple(dict.fromkeys(n for n in free if n not in rig))
         self._cuts = {
@@ -99,19 +102,19 @@ class Predictions:
 
     def with_free(self, free: Sequence[str]) -> Predictions:
         """The same with other free parameters."""
-        return Predictions(self.campaign, self.base, self.grids, self.runs, free)
+        return Predictions(self.campaign, self.base, self.grids, self.runs, free, self.by_atlas)
 
     def extended(self, base: Case, free: Sequence[str]) -> Predictions:
         """The same of another model."""
-        return Predictions(self.campaign, base, self.grids, self.runs, free)
+        return Predictions(self.campaign, base, self.grids, self.runs, free, self.by_atlas)
 
     def of(self, campaign: Campaign) -> Predictions:
         """The same for the tests of another campaign."""
-        return Predictions(campaign, self.base, self.grids, self.runs, self.free)
+        return Predictions(campaign, self.base, self.grids, self.runs, self.free, self.by_atlas)
 
     def needs_runs(self, e: Experiment) -> bool:
         """Whether a test is known from runs, not from a formula."""
-        return e.id in self._cuts
+        return e.id in self._cuts and not self.by_atlas
 
     def thickness_mm(self, e: Experiment) -> float:
         """Of the blade of a cut; nan of another test."""
@@ -123,8 +126,10 @@ class Predictions:
         if self.needs_runs(e) and self.runs([case := self.case(e, values)]) == [None]:
             raise ComputationFailed(self.runs.failed[case.id])
 
-    def emulator(self, e: Experiment) -> CutEmulator:
+    def emulator(self, e: Experiment) -> CutEmulator | AtlasCuts:
         """Of all cuts that go the way of ``e``, from what was computed until now. Raises NotKnown."""
+        if self.by_atlas:
+            return AtlasCuts(without_rig(self._cuts[e.id]))
         known, motion = len(self.runs.database.runs), self._cuts[e.id].motion
         if self._emulators[0] != known:
             self._emulators = known, {}
@@ -144,11 +149,11 @@ class Predictions:
             made = replace(base, values={**base.values, **values})
         except BadInput as error:
             raise ComputationFailed(str(error)) from error
-        return without_rig(made) if self.needs_runs(e) else made
+        return without_rig(made) if e.id in self._cuts else made
 
     def predict(self, e: Experiment, values: Mapping[str, float], names: Sequence[str] = ()) -> Predicted:
         """What a test reads. Raises NotKnown or ComputationFailed."""
-        if self.needs_runs(e):
+        if e.id in self._cuts:
             try:
                 return self._cut(e, values, names)
             except OutOfRange as error:

@@ -14,6 +14,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     submod_attrs={
         "atlas": ["Atlas", "Estimate", "NotInAtlas", "shipped"],
         "estimates": ["estimate"],
+        "atlas_cuts": ["AtlasCuts"],
         "database": ["CutEmulator", "OutOfRange", "Run", "RunDatabase"],
         "groups": ["Groups"],
         "gaussian_process": ["GaussianProcess", "Kernel"],

@@ -359,9 +359,9 @@ class Atlas:
             self._shares(place, x, float(np.exp(onset[0]))), self._nearest(place),
         )  # fmt: skip
 
-    def band(self, groups: np.ndarray, m: Measures, x: np.ndarray) -> np.ndarray:
-        """Compute the force along the travel that has the measures ``m``, and its 90 % interval. With
-        ``groups`` (1, d), ``x`` (k,); gives low, middle and high (3, k)."""
+    def drawn(self, groups: np.ndarray, m: Measures, x: np.ndarray) -> list[np.ndarray]:
+        """Draw curves (k,) at the travels ``x`` that runs may have; the first is the one that has the
+        measures ``m``. With ``groups`` (1, d)."""
 
         def normal(part: int, r: int) -> np.ndarray:
             half = np.random.default_rng(part).standard_normal((DRAWS // 2, r))
@@ -373,10 +373,15 @@ class Atlas:
         levels, slopes = (getattr(m, n)[0] @ [np.ones(DRAWS + 1), normal(part, 1)[:, 0]]
                           for part, n in ((OF_STEADY, "steady"), (OF_STEADY + 1, "slope")))  # fmt: skip
         after[0] = _falling(onset[0], before[0], after[0], m.drop[0, 0])
-        curves = [
+        return [
             joined(x, *parts, m.middle[0])
             for parts in zip(onset, before, after, levels, slopes, strict=True)
         ]  # fmt: skip
+
+    def band(self, groups: np.ndarray, m: Measures, x: np.ndarray) -> np.ndarray:
+        """Compute the force along the travel that has the measures ``m``, and its 90 % interval. With
+        ``groups`` (1, d), ``x`` (k,); gives low, middle and high (3, k)."""
+        curves = self.drawn(groups, m, x)
         ends = np.quantile(curves[1:], [(1 - LEVEL) / 2, (1 + LEVEL) / 2], axis=0)
         return np.array([np.minimum(ends[0], curves[0]), curves[0], np.maximum(ends[1], curves[0])])
 

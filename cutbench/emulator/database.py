@@ -76,7 +76,41 @@ class RunDatabase:
             return None
 
 
-class CutEmulator:
+class Emulator:
+    """The base of what predicts the forces of cuts at travels ``x`` (k,), in units of ``groups``."""
+
+    groups: Groups
+    model: Model
+    x: np.ndarray
+
+    def travel(self, values: Mapping[str, float]) -> np.ndarray:
+        """Return the travels at which the forces of a cut are predicted. Gives (k,)."""
+        return self.x * self.groups.length(values)
+
+    def forces(self, each: Sequence[Mapping[str, float]]) -> np.ndarray:
+        """Predict the forces of cuts, which are smooth in the values. Gives (p, k). Raises OutOfRange."""
+        raise NotImplementedError
+
+    def slopes(self, values: Mapping[str, float], names: Sequence[str]) -> np.ndarray:
+        """Compute derivatives of the predicted forces by parameters.
+
+        They are differences over a step that is short beside the distance of runs. Gives (k, len(names)).
+        Raises OutOfRange.
+        """
+        known, moved, changes = self.model.parameters(), [], []
+        for name in names:
+            q = known[name]
+            size = max(abs(values[name]), 1e-3 * abs(q.typical * q.factor)) or 1.0
+            low, high = (float(np.clip(values[name] + s * 1e-3 * size, *q.bounds)) for s in (-1, 1))
+            moved += [{**values, name: low}, {**values, name: high}]
+            changes.append(high - low)
+        if not names:
+            return np.zeros((self.x.size, 0))
+        forces = self.forces(moved)
+        return ((forces[1::2] - forces[::2]) / np.array(changes)[:, None]).T
+
+
+class CutEmulator(Emulator):
     """An emulator predicts the forces of cuts that were not computed, from those that were.
 
     ``RunDatabase.emulator`` makes one. Models that differ in what is no part of a cut have the same
@@ -182,12 +216,7 @@ class CutEmulator:
         """The number of runs that it knows."""
         return len(self.curves.courses)
 
-    def travel(self, values: Mapping[str, float]) -> np.ndarray:
-        """Return the travels at which the forces of a cut are predicted. Gives (k,)."""
-        return self.x * self.groups.length(values)
-
     def forces(self, each: Sequence[Mapping[str, float]]) -> np.ndarray:
-        """Predict the forces of cuts, which are smooth in the values. Gives (p, k). Raises OutOfRange."""
         return self.curves.mean(self._places(each)) * self._units(each)[:, None]
 
     def computed(self, values: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray] | None:
@@ -196,24 +225,6 @@ class CutEmulator:
         if found is None:
             return None
         return found.x * self.groups.length(values), found.force * self._units([values])[0]
-
-    def slopes(self, values: Mapping[str, float], names: Sequence[str]) -> np.ndarray:
-        """Compute derivatives of the predicted forces by parameters.
-
-        They are differences over a step that is short beside the distance of runs. Gives (k, len(names)).
-        Raises OutOfRange.
-        """
-        known, moved, changes = self.model.parameters(), [], []
-        for name in names:
-            q = known[name]
-            size = max(abs(values[name]), 1e-3 * abs(q.typical * q.factor)) or 1.0
-            low, high = (float(np.clip(values[name] + s * 1e-3 * size, *q.bounds)) for s in (-1, 1))
-            moved += [{**values, name: low}, {**values, name: high}]
-            changes.append(high - low)
-        if not names:
-            return np.zeros((self.x.size, 0))
-        forces = self.forces(moved)
-        return ((forces[1::2] - forces[::2]) / np.array(changes)[:, None]).T
 
     def root(self, values: Mapping[str, float], runs: bool = True) -> np.ndarray:
         """Compute a root of the covariance of the error of predicted forces.

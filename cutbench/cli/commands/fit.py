@@ -23,12 +23,16 @@ def fit(
     ] = None,
     refine: Refine = True,
     limit: Limit = None,
+    by_atlas: Annotated[
+        bool, typer.Option("--estimate", help="Take cuts from the atlas: seconds, and no run is computed.")
+    ] = False,
 ) -> None:
     """Fit a campaign's free parameters to all its train experiments, predict its test experiments."""
     from cutbench.calibration import fitting, report
 
     found = search_campaign(
-        fitting.fit, report, campaign, out, workers, limit, refine=refine, profile=tuple(profile or ())
-    )
+        fitting.fit, report, campaign, out, workers, limit, refine=refine, profile=tuple(profile or ()),
+        by_atlas=by_atlas,
+    )  # fmt: skip
     if found.status != "converged":
         raise typer.Exit(130 if found.status == "interrupted" else 1)
