@@ -29,7 +29,7 @@ STATEMENTS = {
     "calibration": 1582,
     "discovery": 1502,
     "app": 1129,
-    "cli": 1087,
+    "cli": 1107,
     "top": 61,
 }
 

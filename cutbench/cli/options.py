@@ -261,6 +261,7 @@ def run_options(*, dim: int) -> Callable[[Callable], Callable]:
             **own: object,
         ) -> None:
             from cutbench.base.errors import BadInput
+            from cutbench.case.motion import TRANSITION
             from cutbench.run.fields import checked_frames
 
             every_s = seconds("--checkpoint", checkpoint, 60.0)
@@ -269,7 +270,10 @@ def run_options(*, dim: int) -> Callable[[Callable], Callable]:
             if quick and numerics not in (None, "fast"):
                 raise BadInput("--quick", numerics, "one of --quick and --numerics, not both")
             options |= {"numerics": "fast" if quick else numerics, "until": until}
-            case, folder = case_and_folder(material, changes(sets, options, with_, without), out, dim=dim)
+            given = changes(sets, options, with_, without)
+            if dim == 3:  # what comes behind the transition takes most of a block's hours
+                given.setdefault("until", TRANSITION)
+            case, folder = case_and_folder(material, given, out, dim=dim)
             command(RunRequest(case, folder, every_s, count), **own)
 
         shared = [*inspect.signature(wrapped, eval_str=True).parameters.values()][:-1]
