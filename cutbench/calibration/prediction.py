@@ -157,7 +157,8 @@ class Predictions:
             try:
                 return self._cut(e, values, names)
             except OutOfRange as error:
-                raise NotComputed(str(error)) from error
+                # A run there would tell, but where the atlas ends there is none.
+                raise (ComputationFailed if self.by_atlas else NotComputed)(str(error)) from error
         self.runs.check()
         case = self.case(e, values)
         try:

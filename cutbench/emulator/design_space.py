@@ -147,7 +147,7 @@ _COMMON = (
     GroupRange("viscosity", 0.003, 10.0),
     GroupRange("adhesion", 0.0, 0.3, "asinh", 0.03),
     GroupRange("mu", 0.0, 0.4, "asinh", 0.05),
-    GroupRange("delta_c", 0.04, 0.4),
+    GroupRange("delta_c", 0.08, 0.4),
     GroupRange("surface_length", 0.03, 0.4),
     GroupRange("width", 40.0, 160.0),
     GroupRange("height", 30.0, 120.0),
@@ -163,7 +163,7 @@ BLADES = {
         (
             *_COMMON,
             GroupRange("angle", math.radians(12), math.radians(40)),
-            GroupRange("edge_radius", 0.02, 0.3),
+            GroupRange("edge_radius", 0.03, 0.3),
             GroupRange("shoulder", 0.3, 1.2),
         ),
     ),
