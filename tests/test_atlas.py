@@ -169,6 +169,8 @@ def test_many_points_are_the_single_ones_and_say_what_lies_outside():
                 assert table[name][i] == pytest.approx(getattr(one, name).value)
         force = np.interp(table.displacement_mm, one.x_mm, one.force_N)
         np.testing.assert_allclose(table.force_N[i], force, rtol=0.02, atol=1e-3)
+    far = estimate("gelatin", speed=([5.0, 6.0], "mm/s"))
+    assert np.isnan(far.onset_mm).all() and list(far.verdict.values) == ["", ""]
     several = estimate(["gelatin", "elastomer", "meat"])
     assert several.sizes["point"] == 3 and list(several.to_dataframe().outside) == ["", "", ""]
 

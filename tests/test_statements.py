@@ -22,7 +22,7 @@ STATEMENTS = {
     "models2d": 133,
     "models3d": 225,
     "run": 3937,
-    "emulator": 1050,
+    "emulator": 1045,
     "maps": 3116,
     "data": 2828,
     "homogeneous": 462,

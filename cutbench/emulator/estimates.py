@@ -16,6 +16,7 @@ from cutbench.case.model import Model, apply_groups
 from cutbench.case.numerics import KEYS
 from cutbench.case.values import settable
 from cutbench.emulator.atlas import (
+    DROP_WINDOW,
     MAX_DEPTH,
     NORMAL_QUANTILE,
     Estimate,
@@ -24,9 +25,8 @@ from cutbench.emulator.atlas import (
     shipped,
     space_of,
 )
-from cutbench.emulator.design_space import SIDES
 from cutbench.emulator.groups import Groups
-from cutbench.run.measures import ABRUPT, SMOOTH, UNCUT
+from cutbench.run.measures import ABRUPT, PROMINENCE, SETTLED, SMOOTH, UNCUT
 
 #: Changes that may be sequences, and are no points.
 NO_NUMBERS = (
@@ -156,48 +156,39 @@ def _numbers(case: Case, values: Mapping[str, Any], at_mm: Iterable[float] | Non
     """Columns of a table, nan outside the atlas."""
     atlas, space, units = shipped(), space_of(case), Groups.of(case)
     assert units is not None, "of the atlas' model"
-    sides = np.atleast_1d(*row_of(space, space.of_values(units, case.model, values)))
-    rows = np.stack(np.broadcast_arrays(*sides), axis=1)
-    names = [s.name for s in SIDES]
-    held = np.stack([s.holds(rows[:, names.index(s.name)]) for s in space.ranges], axis=1)
-    inside = held.all(axis=1)
-    outside = np.array([", ".join(s.name for s, ok in zip(space.ranges, row, strict=True) if not ok)
-                        for row in held])  # fmt: skip
-    half = np.broadcast_to(units.length(values), inside.shape)[inside]
-    force = np.broadcast_to(units.force(values), inside.shape)[inside]
-    depth = np.minimum(np.broadcast_to(values["depth"], inside.shape)[inside] / half, MAX_DEPTH)
-    m = atlas.measures(rows[inside], depth)
-    uncut, abrupt = chances(m, depth)
-
-    def whole(column: np.ndarray) -> np.ndarray:
-        full = np.full((inside.size, *column.shape[1:]), np.nan)
-        full[inside] = column
-        return full
-
+    own = units.length(values), units.force(values), values["depth"]
+    half, force, depth, *sides = np.broadcast_arrays(
+        *np.atleast_1d(*own, *space.of_values(units, case.model, values))
+    )
+    held = np.stack([side.holds(column) for side, column in zip(space.ranges, sides, strict=True)], axis=1)
+    names = np.array([side.name for side in space.ranges])
+    inside = np.asarray(held.all(axis=1))
+    outside = [", ".join(names[~row]) for row in held]
+    # Where it says nothing it is asked for the nearest, which nobody sees.
+    nearest = [np.clip(column, s.low, s.high) for s, column in zip(space.ranges, sides, strict=True)]
+    rows = np.stack(np.broadcast_arrays(*row_of(space, nearest)), axis=1)
+    end = np.minimum(depth / half, MAX_DEPTH)
+    m = atlas.measures(rows, end)
+    uncut, abrupt = chances(m, end)
+    cut, falls = uncut < 0.5, m.drop[:, 0] ** 2 > PROMINENCE
+    long = end - np.exp(m.onset[:, 0]) > (SETTLED + 1) * DROP_WINDOW
     table: dict[str, Any] = {}
-    for name, unit, size in (
-        ("onset", "_mm", half),
-        ("peak", "_N", force),
-        ("steady", "_N", force),
-        ("drop", "", 1.0),
-    ):
+    for name, unit, size, there in (
+        ("onset", "_mm", half, cut), ("peak", "_N", force, cut & falls),
+        ("steady", "_N", force, cut & long), ("drop", "", 1.0, cut),
+    ):  # fmt: skip
         mean, sd = getattr(m, name).T
-        for end, z in (("", 0.0), ("_low", -NORMAL_QUANTILE), ("_high", NORMAL_QUANTILE)):
+        for part, z in (("", 0.0), ("_low", -NORMAL_QUANTILE), ("_high", NORMAL_QUANTILE)):
             normal = mean + z * sd
             found = np.clip(normal, 0, 1) ** 2 if name == "drop" else np.exp(normal) * size
-            table[f"{name}{end}{unit}"] = "point", whole(np.where(uncut < 0.5, found, np.nan))
+            table[f"{name}{part}{unit}"] = "point", np.where(inside & there, found, np.nan)
     odds = {ABRUPT: abrupt, SMOOTH: 1 - uncut - abrupt, UNCUT: uncut}
     verdict = np.array([*odds])[np.argmax([*odds.values()], axis=0)]
-    table |= {name: ("point", whole(part)) for name, part in odds.items()}
-    text = np.full(inside.size, "", dtype=object)
-    text[inside] = verdict
-    table |= {"verdict": ("point", text.astype(str)), "outside": ("point", outside)}
+    table |= {name: ("point", np.where(inside, part, np.nan)) for name, part in odds.items()}
+    table |= {"verdict": ("point", np.where(inside, verdict, "")), "outside": ("point", outside)}
     if at_mm is not None:
-        x = np.asarray(at_mm, dtype=float) / half[:, None]
-        table["force_N"] = (
-            ("point", "displacement_mm"),
-            whole(force[:, None] * atlas.forces(rows[inside], m, x)),
-        )
+        forces = force[:, None] * atlas.forces(rows, m, np.asarray(at_mm, dtype=float) / half[:, None])
+        table["force_N"] = ("point", "displacement_mm"), np.where(inside[:, None], forces, np.nan)
     return table
 
 
@@ -212,7 +203,7 @@ def _derivatives(
     up, down = (_numbers(case, {**values, name: now + way * size}, at_mm) for way in (1, -1))
     by = {}
     for n, (dims, column) in up.items():
-        if column.dtype.kind == "f":
+        if np.asarray(column).dtype.kind == "f":
             change = (column - down[n][1]) * q.factor / 2
             by[f"{n}_by_{name}"] = dims, (change.T / size).T
     return by
