@@ -15,7 +15,7 @@ from cutbench.case.case import load_case
 from cutbench.cli.main import app
 from cutbench.data import Experiment, FitPlan, Repetition
 from cutbench.emulator import estimate
-from cutbench.emulator.atlas import NotInAtlas, shipped
+from cutbench.emulator.atlas import NotInAtlas, held_by_friction, shipped
 from cutbench.emulator.design_space import BLADES, FRACTION_SWITCHED_OFF, SIDES
 from cutbench.maps.atlas_map import expected_drops
 from cutbench.maps.dataset import load_map
@@ -96,6 +96,13 @@ def test_outside_it_gives_no_number(changes, key):
     with pytest.raises(NotInAtlas) as error:
         estimate(load_case("gelatin", changes))
     assert error.value.key == key
+
+
+def test_a_blade_that_friction_holds_is_told_what_it_would_do_without():
+    held = load_case("gelatin", {"mu": 0.3, "depth": "4.5 mm"})
+    shallow = load_case("gelatin", {"mu": 0.3, "depth": "1 mm"})
+    assert "without coulomb" in held_by_friction(held)
+    assert held_by_friction(shallow) == "" and held_by_friction(load_case("gelatin", {"depth": "1 mm"})) == ""
 
 
 def test_no_friction_is_a_friction_of_none():

@@ -22,14 +22,14 @@ STATEMENTS = {
     "models2d": 133,
     "models3d": 225,
     "run": 3937,
-    "emulator": 1045,
+    "emulator": 1054,
     "maps": 3116,
     "data": 2828,
     "homogeneous": 462,
     "calibration": 1582,
     "discovery": 1502,
     "app": 1129,
-    "cli": 1107,
+    "cli": 1110,
     "top": 61,
 }
 

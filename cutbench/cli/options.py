@@ -315,12 +315,15 @@ def finish(result: Result, folder: Path, plane: Result | None = None) -> None:
     ``plane`` is the plane-strain run that a block is drawn beside.
     """
     from cutbench.cli.tables import result_table
+    from cutbench.emulator.atlas import held_by_friction
 
     write_result(result, folder, plane)
     show(result_table(result))
     typer.echo(str(result.outcome))
     typer.echo(f"written to {folder}")
     typer.echo(result.sentence())
+    if math.isnan(result.measures.get("onset_mm", 0.0)) and (held := held_by_friction(result.case)):
+        typer.echo(held)
     exit_by_outcome(result.outcome)
 
 

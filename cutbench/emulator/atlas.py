@@ -11,6 +11,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache, cached_property
 from importlib.resources import files
@@ -176,6 +177,8 @@ class Estimate(Displayed):
         found = [("verdict", self.sentence())]
         for name, unit in MEASURES.items():
             found.append((name.removesuffix(f"_{unit}"), f"{getattr(self, name):.3g} {unit}".strip()))
+        if self.verdict == UNCUT and (held := held_by_friction(self.case)):
+            found.append(("friction", held))
         far, groups = self.nearest[0]
         near = ", ".join(f"{name} {value:.3g}" for name, value in groups.items())
         return [*found, ("nearest run", f"{far:.2g} lengths away: {near}")]
@@ -493,6 +496,18 @@ def values_of(case: Case, *, checked: bool = True) -> list[float]:
 def shipped() -> Atlas:
     """Return the atlas that the package brings along."""
     return Atlas.read(files("cutbench.emulator") / "atlas.npz")
+
+
+def held_by_friction(case: Case) -> str:
+    """Of a blade that does not cut: what it would do without friction, in a sentence; empty where that is the
+    same, or not known."""
+    names = [law.name for law in case.model.laws("blade") if law.role == "friction"]
+    with suppress(NotInAtlas):
+        free = shipped().estimate(case.set(without=names))
+        if names and free.verdict != UNCUT:
+            onset = f"{free.onset_mm:.3g} mm, as the atlas has it"
+            return f"Held by friction: without {' and '.join(names)} the cut begins at {onset}."
+    return ""
 
 
 def joined(
