@@ -22,7 +22,7 @@ STATEMENTS = {
     "models2d": 133,
     "models3d": 225,
     "run": 3937,
-    "emulator": 1054,
+    "emulator": 1056,
     "maps": 3116,
     "data": 2828,
     "homogeneous": 462,
