@@ -112,6 +112,8 @@ def runs_in(folder: Path, seed: int = SEED, blade: str = "*") -> list[dict[str, 
                 continue
             record = {n: data[n] for n in data.files}
         p = (case := Case.from_dict(json.loads(str(record["case"])))).p
+        # What blades of all kinds take is the work of contact.
+        record["work_contact_mJ"] = record.pop(f"work_{case.model.tool.name}_mJ")
         measured = measures(record, window_mm=p.thickness, height_mm=p.height)
         found.append(record | {"name": file.stem, "case": case, "measures": measured})
     return found
@@ -299,11 +301,14 @@ def pack(runs: Sequence[Mapping[str, Any]], folds: int | None, file: Path | None
     atlas.wider = wider_of(atlas, runs, folds or FOLDS)
     print(len(runs), "runs; intervals wider by", {n: round(v, 2) for n, v in atlas.wider.items()})
     if folds:
-        rows: dict[str, list[tuple[Any, ...]]] = {}
+        rows: dict[str, dict[str, list[tuple[Any, ...]]]] = {blade: {} for blade in BLADES}
         for made, others in folds_of(atlas, runs, folds):
-            for name, each in tested(made, others).items():
-                rows.setdefault(name, []).extend(each)
-        say(f"{folds} folds", table_of(rows))
+            for blade, of_blade in rows.items():
+                some = [run for run in others if run["case"].model.tool.name == blade]
+                for name, each in tested(made, some).items():
+                    of_blade.setdefault(name, []).extend(each)
+        for blade, of_blade in rows.items():
+            say(f"{blade}, {folds} folds", table_of(of_blade))
     if file is not None:
         about = {
             "commits": sorted({str(run["commit"]) for run in runs if "commit" in run}),
