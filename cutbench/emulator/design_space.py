@@ -163,7 +163,7 @@ BLADES = {
         (
             *_COMMON,
             GroupRange("angle", math.radians(12), math.radians(40)),
-            GroupRange("edge_radius", 0.03, 0.3),
+            GroupRange("edge_radius", 0.05, 0.3),
             GroupRange("shoulder", 0.3, 1.2),
         ),
     ),
