@@ -84,7 +84,7 @@ def test_run3d_writes_what_run2d_writes_and_the_front(tmp_path):
     options = ["--h", "0.7", "--depth", "0.4", "--frames", "3", "--out", str(tmp_path)]
     done = CliRunner().invoke(app, ["run3d", "gelatin", *sets, *options])
     assert done.exit_code == 0, done.output
-    assert "gelatin: about" in done.output  # before it begins
+    assert "gelatin: about" in done.output and "cohesive zones" in done.output  # before it begins
     assert (tmp_path / "section" / "curve.png").stat().st_size > 100
     pictures = ("curve.png", "solid.png", "cut_plane.png", "plane_strain.png")  # no front: not cut
     for name in ("curve.csv", "solid.html", *pictures):

@@ -21,15 +21,15 @@ STATEMENTS = {
     "solver": 1820,
     "models2d": 133,
     "models3d": 225,
-    "run": 3937,
+    "run": 3945,
     "emulator": 1056,
-    "maps": 3116,
+    "maps": 3117,
     "data": 2828,
     "homogeneous": 462,
     "calibration": 1582,
     "discovery": 1502,
     "app": 1129,
-    "cli": 1110,
+    "cli": 1112,
     "top": 61,
 }
 

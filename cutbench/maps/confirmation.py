@@ -29,7 +29,7 @@ from cutbench.maps import dataset as maps
 from cutbench.maps.dataset import case_on
 from cutbench.maps.guidance import margins_of
 from cutbench.maps.markers import ANOTHER, CONFIRMED, NUMERICS, RECORD, UNFINISHED
-from cutbench.run.block_cost import cost_sentence, expected_seconds
+from cutbench.run.block_cost import cost_sentence, expected_seconds, layers_sentence
 from cutbench.run.files import read_run
 from cutbench.run.measures import ABRUPT, SMOOTH, UNDECIDED
 from cutbench.run.pool.pool import Job, TaskPool
@@ -211,7 +211,8 @@ def _cost(pairs: Sequence[tuple[Case, Result]], folder: Path, workers: int) -> I
     left = [(b, like) for b, like in pairs if _stored_run(b, folder / "runs" / b.id) is None]
     times = [expected_seconds(block, like) for block, like in left]
     for number, ((block, _), seconds) in enumerate(zip(left, times, strict=True), start=1):
-        yield f"block {number} of {len(left)}, {cost_sentence(block.name, seconds)}"
+        said = [cost_sentence(block.name, seconds), *filter(None, [layers_sentence(block)])]
+        yield f"block {number} of {len(left)}, {'; '.join(said)}"
     hands = max(min(workers, len(left)), 1)
     whole = max([sum(times) / hands, *times], default=0.0)
     yield cost_sentence(f"all blocks, {hands} at once" if hands > 1 else "all blocks", whole)
