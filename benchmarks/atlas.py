@@ -152,14 +152,16 @@ def atlas_of(
         half, force = units_of(run["case"])
         x, m = run["displacement_mm"], run["measures"]
         kept, _ = thinned(x, run["force_N"] / np.abs(run["force_N"]).max(), CURVE_TOLERANCE, x.size)
-        x = x[kept] / half
+        none, x = np.zeros(x.size), x[kept] / half  # what a law takes that the run's model lacks
         courses.append(Course(x, run["force_N"][kept] / force, m["onset_mm"] / half))
         for name, key in names.items():
-            works[name].append(run[key][kept] / (force * half))
+            works[name].append(run.get(key, none)[kept] / (force * half))
         # Of a run that was cut short the transition may be to come.
         known = x[-1] > m["onset_mm"] / half + KNOWN * DROP_WINDOW
         of_steady = m["steady_N"] / force, m["slope_N_per_mm"] * half / force
-        values = m["peak_N"] / force, m["drop_rel"], *of_steady
+        # Into a slit a blade falls before it cuts, which is a peak of its own.
+        peak = math.nan if run["case"].values["precut"] else m["peak_N"] / force
+        values = peak, m["drop_rel"], *of_steady
         for name, value in zip(MEASURES_WITH_PROCESS, values, strict=True):
             measured[name].append(value if known else math.nan)
     groups = np.array([values_of(run["case"], checked=False) for run in runs])
@@ -333,7 +335,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     if asked.against:
         say(asked.against.stem, against(asked.against))
         return 0
-    known = runs_of(shipped()) if FILE.exists() else []
+    # Its kernels are of its coordinates, which may be others now.
+    known = runs_of(Atlas.read(FILE, fitted=False)) if FILE.exists() else []
     if asked.pack or asked.check:
         runs = {run["name"]: run for run in [*known, *runs_in(asked.out)]}
         pack([runs[name] for name in sorted(runs)], asked.check, FILE if asked.pack else None)

@@ -16,7 +16,7 @@ from cutbench.cli.main import app
 from cutbench.data import Experiment, FitPlan, Repetition
 from cutbench.emulator import estimate
 from cutbench.emulator.atlas import NotInAtlas, held_by_friction, shipped
-from cutbench.emulator.design_space import BLADES, FRACTION_SWITCHED_OFF, SIDES
+from cutbench.emulator.design_space import BLADES, SIDES
 from cutbench.maps.atlas_map import expected_drops
 from cutbench.maps.dataset import load_map
 from cutbench.maps.study import load_study
@@ -30,7 +30,7 @@ def test_sides_go_from_end_to_end():
     for side in SIDES:
         assert side.value(0.0) == pytest.approx(side.low, rel=1e-5)
         assert side.value(1.0) == pytest.approx(side.high, rel=1e-5)
-        values = [side.value(part) for part in np.linspace(2 * FRACTION_SWITCHED_OFF, 1, 9)]
+        values = [side.value(part) for part in np.linspace((1 + side.off) / 2, 1, 9)]
         steps = np.diff(side.coordinate(np.array(values)))
         np.testing.assert_allclose(steps, steps[0], rtol=0.02)
 

@@ -8,10 +8,12 @@ beyond. Where it begins, what is before and what is beyond are a process each.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import log_ndtr
 
 from cutbench.emulator.gaussian_process import GaussianProcess, Kernel
 
@@ -166,11 +168,18 @@ def _onsets(
     if begun.sum() < X.shape[1] + 1 + MIN_SPARE_CURVES:
         return None, np.full(len(X), end)
     values = np.log([c.onset if b else np.nan for c, b in zip(courses, begun, strict=True)])
-    last = np.log([(1 + UNCUT_MARGIN) * c.end for c in courses])
     process = GaussianProcess(X[begun], values[begun], kernel=kernel)
-    for _ in range(2 if not begun.all() else 0):
-        values[~begun] = np.maximum(process.mean(X[~begun]), last[~begun])
-        process = GaussianProcess(X, values, kernel=kernel)
+    if not begun.all():
+        # Of a cut that did not begin it is known that it begins later: its logarithm is as likely as before
+        # beyond its end, and has the mean and the variance of a normal variable that is cut off there.
+        last = np.log([(1 + UNCUT_MARGIN) * c.end for c in courses])[~begun]
+        mean, sd = process.mean(X[~begun]), process.spread(X[~begun], runs=True)
+        short = (last - mean) / sd
+        hazard = np.exp(-(short**2) / 2 - log_ndtr(-short)) / math.sqrt(2 * math.pi)
+        values[~begun] = mean + sd * hazard
+        noise = np.full(len(X), process.kernel.nugget)
+        noise[~begun] += (sd / process.size) ** 2 * (1 - hazard * (hazard - short))
+        process = GaussianProcess(X, values, kernel=process.kernel, noise=noise)
     return process, np.exp(values)
 
 

@@ -243,8 +243,8 @@ class Atlas:
         return of_curves | {name: made.kernel for name, made in self._own.items()}
 
     @classmethod
-    def read(cls, file: Any) -> Atlas:
-        """Read an atlas from a file that ``write`` made."""
+    def read(cls, file: Any, *, fitted: bool = True) -> Atlas:
+        """Read an atlas from a file that ``write`` made, with its kernels or with new ones."""
         with np.load(file) as data:
             about = json.loads(str(data["about"]))
             ends = np.cumsum(data["sizes"])[:-1]
@@ -254,7 +254,8 @@ class Atlas:
             onset = data["onset"].astype(float).tolist()
             courses = [Course(a, b, at) for a, b, at in zip(x, force, onset, strict=True)]
             measured = {name: data[name].astype(float) for name in MEASURES_WITH_PROCESS}
-            kernels = {n: k and Kernel(tuple(k["lengths"]), k["nugget"]) for n, k in about["kernels"].items()}
+            kernels = {n: k and Kernel(tuple(k["lengths"]), k["nugget"])
+                       for n, k in about["kernels"].items() if fitted}  # fmt: skip
             groups = data["groups"].astype(float)
             return cls(groups, courses, measured, cumulative_work, kernels, about["wider"], about)
 
@@ -281,14 +282,14 @@ class Atlas:
         # What adheres deforms the gel: τ_W/G.
         columns["adhesion"] = np.arcsinh(by_name["adhesion"] * by_name["cohesion"] / SMALL_ADHESION)
         # Blades of all kinds are told apart by what they share, a radius of the edge and a length over which
-        # they widen, and by which kind they are.
+        # they widen, and by which kind they are; a slit, which they fall into, is of a kind, too.
         ellipse, wedge = np.isfinite(by_name["tip"]), np.isfinite(by_name["angle"])
         with np.errstate(invalid="ignore"):
             edge = np.where(ellipse, 1 / by_name["tip"], by_name["edge_radius"])
             taper = np.where(ellipse, by_name["tip"], 1 / np.tan(by_name["angle"] / 2))
         shape = [np.where(ellipse | wedge, each, 1.0) for each in (edge, taper)]
         shape.append(np.where(wedge, by_name["shoulder"], 1.0))
-        kinds = [wedge.astype(float), (~ellipse & ~wedge).astype(float)]
+        kinds = [each.astype(float) for each in (wedge, ~ellipse & ~wedge, by_name["precut"] > 0)]
         return np.stack([*columns.values(), *np.log(shape), *kinds], axis=1)
 
     def _by_name(self, values: np.ndarray) -> dict[str, np.ndarray]:
@@ -356,7 +357,8 @@ class Atlas:
         onset, peak, drop, steady = (getattr(m, n)[0] for n in ("onset", "peak", "drop", "steady"))
         return Estimate(
             case, x * half, middle, low, high,
-            _interval(onset, half, cut), _interval(peak, force, cut and drop[0] ** 2 > PROMINENCE),
+            _interval(onset, half, cut),
+            _interval(peak, force, cut and drop[0] ** 2 > PROMINENCE and not case.values["precut"]),
             _interval(drop, 1.0, cut, root=True), _interval(steady, force, whole),
             {ABRUPT: abrupt, SMOOTH: 1 - uncut - abrupt, UNCUT: uncut},
             self._shares(place, x, float(np.exp(onset[0]))), self._nearest(place),

@@ -14,8 +14,6 @@ from cutbench.case.case import Case, load_case
 from cutbench.case.model import Model, groups
 from cutbench.emulator.groups import Groups
 
-#: Part of a side that ends in a value of 0, in which the value *is* 0: many a user has no friction.
-FRACTION_SWITCHED_OFF = 0.2
 #: A run ends this far down: as a part of the specimen's height, and in halves of the blade's thickness.
 MAX_DEPTH_FRACTION, MAX_DEPTH = 0.8, 40.0
 
@@ -39,6 +37,9 @@ class GroupRange:
         Below it, the inverse hyperbolic sine goes in proportion.
     least : float
         What is not 0 is at least this: a slit that is shorter than the edge is round is none.
+    off : float
+        Part of a side that ends in a value of 0, in which the value *is* 0: many a user has no friction, and
+        most have no slit.
     """
 
     name: str
@@ -47,6 +48,7 @@ class GroupRange:
     kind: str = "log"
     unit: float = 1.0
     least: float = 0.0
+    off: float = 0.2
 
     def coordinate(self, value: np.ndarray) -> np.ndarray:
         """Where values are, as the emulator takes them."""
@@ -62,7 +64,7 @@ class GroupRange:
     def value(self, part: float) -> float:
         """The value at a part (0 to 1) of the side, six digits."""
         if self.kind == "asinh":
-            part = (part - FRACTION_SWITCHED_OFF) / (1 - FRACTION_SWITCHED_OFF)
+            part = (part - self.off) / (1 - self.off)
             if part <= 0:
                 return 0.0
         low, high = self.coordinate(np.array([self.low or self.least, self.high]))
@@ -144,7 +146,7 @@ class DesignSpace:
 #: What blades of every kind have.
 _COMMON = (
     GroupRange("cohesion", 1.0, 50.0),
-    GroupRange("viscosity", 0.003, 10.0),
+    GroupRange("viscosity", 0.0, 10.0, "asinh", 0.02, 0.003, 0.1),
     GroupRange("adhesion", 0.0, 0.3, "asinh", 0.03),
     GroupRange("mu", 0.0, 0.4, "asinh", 0.05),
     GroupRange("delta_c", 0.08, 0.4),
@@ -152,7 +154,7 @@ _COMMON = (
     GroupRange("width", 40.0, 160.0),
     GroupRange("height", 30.0, 120.0),
     GroupRange("nu", 0.45, 0.4995, "incompressible"),
-    GroupRange("precut", 0.0, 8.0, "asinh", 1.0, 0.5),
+    GroupRange("precut", 0.0, 8.0, "asinh", 1.0, 0.5, 0.75),
 )
 #: By the name of the blade's law: what the atlas has runs of.
 BLADES = {

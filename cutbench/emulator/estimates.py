@@ -170,7 +170,7 @@ def _numbers(case: Case, values: Mapping[str, Any], at_mm: Iterable[float] | Non
     end = np.minimum(depth / half, MAX_DEPTH)
     m = atlas.measures(rows, end)
     uncut, abrupt = chances(m, end)
-    cut, falls = uncut < 0.5, m.drop[:, 0] ** 2 > PROMINENCE
+    cut, falls = uncut < 0.5, (m.drop[:, 0] ** 2 > PROMINENCE) & (np.asarray(values["precut"]) == 0)
     long = end - np.exp(m.onset[:, 0]) > (SETTLED + 1) * DROP_WINDOW
     table: dict[str, Any] = {}
     for name, unit, size, there in (
