@@ -287,8 +287,8 @@ def friction_advice(case: Case, onset_mm: float) -> str:
         return ""
     return (
         "Friction may hold the surface under the edge, so that it is pressed in and not stretched: a run"
-        f" without {' and '.join(rubs)} says whether, and one with a larger slice_push whether drawing the blade"
-        " along its edge helps."
+        f" without {' and '.join(rubs)} says whether, and one with a larger slice_push whether drawing the"
+        " blade along its edge helps."
     )
 
 
