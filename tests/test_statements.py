@@ -21,7 +21,7 @@ STATEMENTS = {
     "solver": 1829,
     "models2d": 133,
     "models3d": 225,
-    "run": 3964,
+    "run": 3965,
     "emulator": 1056,
     "maps": 3117,
     "data": 2828,

@@ -106,7 +106,8 @@ class Ledger(Observer):
     def measures(self) -> dict[str, float]:
         """Those of ``cutbench.run.measures.NOTED`` that the steps tell."""
         snap = self._work.get(SNAP, 0.0) / self._blade if self._blade else 0.0
-        return {"drag_steps": float(self._drags), "drag_boost": self._boost, "snap_rel": snap}
+        found = {"drag_steps": float(self._drags), "drag_boost": self._boost, "snap_rel": snap}
+        return found | ({"along_N": max(row[ALONG] for row in self._rows)} if self._slices else {})
 
     @property
     def farthest(self) -> float:
