@@ -1,7 +1,7 @@
 """``python docs/pictures.py [NAME …]``: the pictures of the tutorials, from the commands that stand there.
 
-A page of HTML is photographed by Chromium, where there is one. ``tools``, ``readings`` and ``rooms`` are
-drawn here.
+A page of HTML is photographed by Chromium, where there is one. ``tools``, ``readings``, ``rooms`` and
+``slicing`` are drawn here.
 """
 
 from __future__ import annotations
@@ -168,8 +168,31 @@ def rooms() -> None:
     figure.savefig(FIGURES / "rooms.png", dpi=200)
 
 
+def slicing() -> None:
+    """Gelatin under a wedge that rubs: its force at several ratios of the speeds, and when it is cut."""
+    figure, (left, right) = plt.subplots(1, 2, figsize=(10, 3.6), layout="constrained")
+    for k, ratio in enumerate((0.0, 0.5, 1.0, 4.0)):
+        run = cutbench.run2d("gelatin_recalibrated", mu=0.05, slice_push=ratio, depth="7 mm", snapshots_mm=())
+        left.plot(run.displacement_mm, run.force_N, f"C{k}", label=f"ξ = {ratio:g}")
+        if ratio:
+            left.plot(run.displacement_mm, run.curve["force_along_N"], f"C{k}:")
+    left.set(xlabel="travel of the blade (mm)", ylabel="force (N)", title="μ = 0.05", ylim=(0, 3))
+    left.legend(frameon=False)
+    data = cutbench.load_map(HERE.parent / "studies" / "results" / "slicing" / "map.nc")
+    ratios, deepest = data["slice_push"].values, 6.0
+    for k, (mu, marker) in enumerate(zip(data["mu"].values, "osD", strict=True)):
+        onset = data["onset_mm"].sel(mu=mu).values
+        right.plot(ratios, onset, f"C{k}{marker}-", ms=4, label=f"μ = {mu:g}")
+        held = ratios[np.isnan(onset)]
+        right.plot(held, np.full(held.size, deepest), f"C{k}^", mfc="white")
+    right.set(xlabel="speed along the edge over speed down, ξ", ylabel="travel at which the cut begins (mm)")
+    right.set_ylim(0, 1.05 * deepest)
+    right.legend(frameon=False)
+    figure.savefig(FIGURES / "slicing.png", dpi=140)
+
+
 if __name__ == "__main__":
-    drawn_here = {"tools": profiles, "readings": readings, "rooms": rooms}
+    drawn_here = {"tools": profiles, "readings": readings, "rooms": rooms, "slicing": slicing}
     asked = sys.argv[1:] or [*PICTURES, *drawn_here]
     with tempfile.TemporaryDirectory() as folder:
         for name in asked:

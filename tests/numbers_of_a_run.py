@@ -21,6 +21,7 @@ def evaluations() -> dict[str, np.ndarray]:
     solid = load_case("gelatin", {**block, "numerics": "tetrahedra"}, dim=3)
     drawn = load_case("gelatin", {**block, "layers": 1}, dim=3)
     cases = {"section": BRIEF, "whole": BRIEF.set(symmetry="full"), "mixed": BRIEF.set(element="P2P1")}
+    cases["sliced"] = BRIEF.set(slice_push=1.0)
     for name, case in (cases | {"solid": solid, "drawn": drawn}).items():
         built, rng = build(case), np.random.default_rng(4)
         problem, probed = built.problem, built.space.inside[:, :200] * 0.9

@@ -27,7 +27,8 @@ def cofactor(F):
 
 
 def parameters(**more) -> SimpleNamespace:
-    return SimpleNamespace(**({"G": G, "nu": 0.49, "speed": 0.02, "thickness": 0.7, "height": 21.0} | more))
+    usual = {"G": G, "nu": 0.49, "speed": 0.02, "slice_push": 0.0, "thickness": 0.7, "height": 21.0}
+    return SimpleNamespace(**(usual | more))
 
 
 def at_rest(**more) -> Points:

@@ -26,7 +26,7 @@ SMALL = {
 #: Each begins to be cut, but for the wire, which enters a slit.
 CASES = {
     "ellipse": {"cohesion": 0.5, "tip": "3.5 mm", "mu": 0.2},
-    "bevel": {"with": "bevel", "edge_radius": "0.1 mm", "cohesion": 0.3},
+    "bevel": {"with": "bevel", "edge_radius": "0.1 mm", "cohesion": 0.3, "mu": 0.2, "slice_push": 0.5},
     "wire": {"with": "wire", "precut": "1 mm", "mu": 0.3, "depth": "0.5 mm"},
 }
 

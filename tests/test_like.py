@@ -18,7 +18,7 @@ from cutbench.run.runner import run_case
 def test_adhesion_by_blade_speed_is_an_adhesion_as_much_stronger():
     """Whatever slides how fast."""
     at = SimpleNamespace(touched=np.array([1.0, 1.0, 0.0]), slip_rate=np.array([0.0, 0.1, 0.1]))
-    p = parameters(tau_W=1e-3, speed_sticking=0.4, sticking_speed=0.02, speed=0.1)
+    p = parameters(tau_W=1e-3, speed_sticking=0.4, sticking_speed=0.02, speed=0.08, slice_push=0.75)
     mine = [LAW[name].strength(np.zeros(3), p, {}, at) for name in ("adhesion", "speed_adhesion")]
     like = LAW["speed_adhesion"].like(p)
     assert like["tau_W"] == pytest.approx(1e-3 * (1 + 0.4 * np.log(6.0)))

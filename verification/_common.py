@@ -138,9 +138,10 @@ def rate(values: np.ndarray, curve: Mapping[str, np.ndarray], start: float, end:
     return float(last - first) / (end - start)
 
 
-def blade_work(curve: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Work of the blade up to each point (n,), mJ."""
-    return cumulative_trapezoid(curve["force_N"], curve["displacement_mm"], initial=0)
+def blade_work(curve: Mapping[str, np.ndarray], name: str = "force_N") -> np.ndarray:
+    """Work of the blade up to each point (n,), mJ; of one that slices, of its way down, or of another force
+    as far as it goes down."""
+    return cumulative_trapezoid(curve[name], curve["displacement_mm"], initial=0)
 
 
 def split_block(dim: int) -> skfem.Mesh:

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from cutbench.case.case import load_case
+from cutbench.run.result import Snapshot
 from verification._common import blade_work, finished, rate
 from verification.base import Check, Reference
 
@@ -22,6 +23,8 @@ FROM, TO = 5.0, 13.0
 def compute() -> Iterator[Check]:
     yield from free()
     yield from rubbing()
+    for ratio in (1.0, 3.0):
+        yield from slicing(ratio)
 
 
 def free() -> Iterator[Check]:
@@ -60,12 +63,35 @@ def rubbing() -> Iterator[Check]:
     yield Check("slope of the force, 2 τ_W L", "N/mm", expected, slope, 0.05)
 
 
+def slicing(ratio: float) -> Iterator[Check]:
+    """A blade that slides along its edge, by adhesion alone: its force F_a is that of the faces that adhere,
+    and has the direction of the blade's way."""
+    case = load_case("elastomer", {**COARSE, "tau_W": "2 kPa", "eta_reg": "0 s", "slice_push": ratio})
+    result = finished(case, snapshots_mm=list(np.arange(FROM, TO + 0.1, 0.2)))
+    curve, p = result.curve, case.p
+    push, along = (rate(blade_work(curve, name), curve, FROM, TO) for name in ("force_N", "force_along_N"))
+    stored = rate(curve["work_neo_hookean_mJ"] + curve["work_volumetric_mJ"], curve, FROM, TO)
+    drag = 2 * p.tau_W * p.length * float(np.mean([adhering(picture) for picture in result.snapshots]))
+    separation, root = p.G_c * p.length, np.hypot(1, ratio)
+    what = f"sliding by {ratio:g} along the edge"
+    yield Check(f"{what}: G_c L + F_a/√(1 + ξ²)", "N", separation + drag / root, push - stored, 0.01)
+    yield Check(f"{what}: along it, F_a ξ/√(1 + ξ²)", "N", drag * ratio / root, along, 0.01)
+
+
+def adhering(picture: Snapshot) -> float:
+    """Length of one face, mm, before loading, that touches the blade."""
+    face = picture.faces["cut"]
+    order = np.argsort(face["X"][:, 1])
+    on = face["contact_state"][order] + 0.0
+    return float(np.diff(face["X"][order, 1]) @ (on[1:] + on[:-1]) / 2)
+
+
 REFERENCE = Reference(
     "steady",
     "Elastomer cut 13 mm deep in plane strain: steady force without friction, slope with adhesion.",
-    "energy balance of steady cutting, F = G_c L + 2 τ_W L × depth",
+    "energy balance of steady cutting, F = G_c L + 2 τ_W L × depth, and its part along the edge",
     compute,
     laws=("stiff_cohesion", "adhesion"),
     quick=False,
-    seconds=60.0,
+    seconds=80.0,
 )

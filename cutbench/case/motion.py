@@ -35,11 +35,14 @@ class Motion:
         How fast.
     points : tuple of (float, float)
         Times in s and travels in mm, from (0, 0), of a blade that holds, returns or changes its speed.
+    slice_push : float
+        How far the blade goes along its edge while it travels by 1 mm.
     """
 
     depth: float
     speed: float
     points: Polyline = ()
+    slice_push: float = 0.0
 
     @cached_property
     def _columns(self) -> tuple[np.ndarray, np.ndarray]:

@@ -270,8 +270,12 @@ def _mismatched(
     if tilt and numerics.symmetry in ("quarter", "half"):
         whole = "'full' or 'auto' with a tilted blade: it has no plane of symmetry"
         yield "symmetry", numerics.symmetry, whole
-    if incline and numerics.symmetry == "quarter":
-        yield "symmetry", "quarter", "'half', 'full' or 'auto' with an inclined blade: its ends are not alike"
+    sliced = v["slice_push"]
+    if (incline or sliced) and numerics.symmetry == "quarter":
+        ends = "with a blade that is inclined or slices: its ends are not alike"
+        yield "symmetry", "quarter", f"'half', 'full' or 'auto' {ends}"
+    if sliced and (tilt or incline or overhang < 0):
+        yield "slice_push", f"{sliced:g}", "0 with tilt, incline or a blade that is shorter than the specimen"
     sides = {name: v[name] for name in ("width", "length", "height")}
     longest, shortest = max(sides, key=lambda name: sides[name]), min(sides.values())
     if sides[longest] > SLIMMEST * shortest:

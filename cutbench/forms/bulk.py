@@ -1,4 +1,8 @@
-"""Bulk form: ∫ P : ∇₀δu dV (paper, eq. weak_form1, first term), in 2D with F padded to plane strain."""
+"""Bulk form: ∫ P : ∇₀δu dV (paper, eq. weak_form1, first term).
+
+Of a section nothing depends on z: F is padded from its first two columns. With two displacements that is
+plane strain, with the one along z, too, generalized plane strain.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +33,7 @@ class BulkForm(Form):
         self._others = tuple(law for law in self.laws if not _by_factors(law))
         self.dim = volume.X.shape[0]
         nq, dim, nn = volume.dphi.shape
-        self.dofs = self._places = component_major(volume.nodes, dim)
+        self.dofs = self._places = component_major(volume.nodes, self.dim)
         self._gradient = volume.dphi.reshape(nq * dim, nn)
         # Products of reference gradients: one matrix for all elements; of a symmetric block half of it.
         pair = np.einsum("qma,qnb->abqmn", volume.dphi, volume.dphi)
@@ -43,7 +47,7 @@ class BulkForm(Form):
         self._last: list[tuple[np.ndarray, Kinematics]] = []
         self._weighed: tuple = (None, None)
         X = np.zeros((3, volume.w.size))
-        X[:dim] = volume.X.reshape(dim, -1)
+        X[: self.dim] = volume.X.reshape(self.dim, -1)
         self._X, self._depth = X, height - X[1]
 
     def part(self, columns):
@@ -79,7 +83,7 @@ class BulkForm(Form):
         if not state:
             return {}
         # On a straight line between points of the other mesh; beyond the last of them the nearest holds.
-        there, here = (form._X[: self.dim].T for form in (other, self))
+        there, here = (form._X[: len(self.volume.jinv)].T for form in (other, self))
         triangles = Delaunay(there)
         nearest = cKDTree(there).query(here)[1]
         new = {}
@@ -91,7 +95,7 @@ class BulkForm(Form):
         return new
 
     def _kinematics(self, u: np.ndarray) -> Kinematics:
-        """Of F without the row and column that plane strain leaves as they are."""
+        """Of F without what is as it was: the last row in plane strain, and a section's last column."""
         # Volume ratios, forces, tangent and energies are asked for one after the other, and the step's start.
         for k, (at, found) in enumerate(self._last):
             if at.dtype == u.dtype and same(at, u):
@@ -99,7 +103,7 @@ class BulkForm(Form):
                 return found
         v, dim = self.volume, self.dim
         nq, ne = v.w.shape
-        G = np.matmul(self._gradient, gather(u, self._places, dim)).reshape(dim, nq, dim, ne)
+        G = np.matmul(self._gradient, gather(u, self._places, dim)).reshape(dim, nq, -1, ne)
         self._last = [(u.copy(), deformed(G, v.jinv)), *self._last[:2]]
         return self._last[0][1]
 
@@ -108,10 +112,10 @@ class BulkForm(Form):
         return self._padded(self._kinematics(u).F)
 
     def _padded(self, inner: np.ndarray) -> np.ndarray:
-        if self.dim == 3:
+        if inner.shape[1] == 3:
             return inner
         F = np.zeros((3, 3, inner.shape[-1]), dtype=inner.dtype)
-        F[:2, :2] = inner
+        F[: self.dim, :2] = inner
         F[2, 2] = 1.0
         return F
 
@@ -144,7 +148,7 @@ class BulkForm(Form):
         return [factor.reshape(w.shape) for factor in found]
 
     def _project(self, P: np.ndarray) -> np.ndarray:
-        """Nodal forces (dim·nn, ne) of pushed stresses times weights (dim, nq, dim, ne)."""
+        """Nodal forces (dim·nn, ne) of pushed stresses times weights (dim, nq, …, ne)."""
         ne = P.shape[-1]
         return np.matmul(self._gradient.T, P.reshape(self.dim, -1, ne)).reshape(-1, ne)
 
@@ -162,13 +166,13 @@ class BulkForm(Form):
 
     def _vector(self, P: np.ndarray, w: np.ndarray) -> np.ndarray:
         """Nodal forces (dim·nn, ne) of a first Piola stress (3, 3, nq·ne) with weights (nq, ne)."""
-        dim = self.dim
-        return self._project(pushed(P[:dim, :dim], self.volume.jinv) * w[:, None])
+        jinv = self.volume.jinv
+        return self._project(pushed(P[: self.dim, : len(jinv)], jinv) * w[:, None])
 
     def _entries(self, A: np.ndarray, w: np.ndarray) -> np.ndarray:
         """The same of a tangent dP/dF (dim, dim, dim, dim, nq·ne) and weights (nq, ne)."""
         v, dim = self.volume, self.dim
-        A = A.reshape(dim, dim, dim, dim, *v.w.shape)
+        A = A.reshape(dim, dim, dim, dim, *v.w.shape)[:, : len(v.jinv), :, : len(v.jinv)]
         weighted = v.jinv[:, :, None] * w  # (m, j, q, e)
         blocks = (
             (i, k, np.einsum("qjne,mjqe->qmne", np.einsum("jlqe,nle->qjne", A[i, :, k], v.jinv), weighted))

@@ -1,6 +1,7 @@
 """What a bulk form does at its points: deformation, and stresses and tangents pushed to reference elements.
 
-Its loops are compiled, of a section's points and of a solid's. Complex numbers go through NumPy.
+Its loops are compiled, of a section's points, which may have a displacement along z, and of a solid's.
+Complex numbers go through NumPy.
 """
 
 from __future__ import annotations
@@ -17,22 +18,28 @@ _BLOCKS = {dim: tuple((i, k) for i in range(dim) for k in range(i, dim)) for dim
 
 
 def deformed(G: np.ndarray, jinv: np.ndarray) -> Kinematics:
-    """From gradients by reference coordinates G (dim, nq, dim, ne), and ``jinv`` (dim, dim, ne) of these."""
+    """From gradients by reference coordinates G (dim, nq, m, ne), and ``jinv`` (m, m, ne) of these: m is 3 in
+    a solid, else 2."""
     if COMPILED and G.dtype.kind == "f":
-        return Kinematics(*(_deformed if len(jinv) == 2 else _deformed_solid)(G, jinv))
+        if len(jinv) == 3:
+            return Kinematics(*_deformed_solid(G, jinv))
+        F, J, trace = _deformed(G, jinv)
+        if len(G) == 3:
+            _sheared(G[2], jinv, F, trace)
+        return Kinematics(F, J, trace)
     F = np.einsum("iqme,mje->ijqe", G, jinv)
-    for i in range(len(F)):
+    for i in range(len(jinv)):
         F[i, i] += 1.0
     return Kinematics(F.reshape(*F.shape[:2], -1))
 
 
 def pushed(T: np.ndarray, jinv: np.ndarray) -> np.ndarray:
-    """The material index pushed to the reference element: (dim, dim, nq·ne) to (dim, nq, dim, ne)."""
+    """The material index pushed to the reference element: (dim, m, nq·ne) to (dim, nq, m, ne)."""
     return np.einsum("ijqe,mje->iqme", T.reshape(*T.shape[:2], -1, jinv.shape[-1]), jinv)
 
 
 def stresses(k: Kinematics, factors: Iterable[np.ndarray], jinv: np.ndarray) -> np.ndarray:
-    """P = s F + c cof F, pushed (dim, nq, dim, ne), of factors s and c (nq, ne)."""
+    """P = s F + c cof F, pushed (dim, nq, m, ne), of factors s and c (nq, ne)."""
     s, c = factors
     if COMPILED and k.F.dtype.kind == s.dtype.kind == c.dtype.kind == "f":
         return (_stresses if len(jinv) == 2 else _stresses_solid)(k.F, s, c, jinv)
@@ -42,11 +49,16 @@ def stresses(k: Kinematics, factors: Iterable[np.ndarray], jinv: np.ndarray) -> 
 def tangents(
     k: Kinematics, factors: Iterable[np.ndarray], jinv: np.ndarray
 ) -> Iterable[tuple[int, int, np.ndarray]]:
-    """i, k ≥ i and dP_iJ/dF_kL, pushed, of factors ff, fc, cc, swap, one (nq, ne): (nq, dim², ne) by J and L,
-    where i = k (nq, dim (dim + 1)/2, ne) of J ≤ L alone."""
+    """i, k ≥ i and dP_iJ/dF_kL, pushed, of factors ff, fc, cc, swap, one (nq, ne): (nq, m², ne) by J and L,
+    where i = k (nq, m (m + 1)/2, ne) of J ≤ L alone."""
     if COMPILED:
-        blocks = (_tangents if len(jinv) == 2 else _tangents_solid)(k.F, *factors, jinv)
-        yield from ((i, j, A) for (i, j), A in zip(_BLOCKS[len(jinv)], blocks, strict=True))
+        ff, fc, *rest = factors
+        blocks = (_tangents if len(jinv) == 2 else _tangents_solid)(k.F, ff, fc, *rest, jinv)
+        if len(k.F) > len(jinv):
+            A, B, C = blocks
+            A_z, B_z, C_z = _tangents_along(k.F, ff, fc, rest[-1], jinv)
+            blocks = A, B, A_z, C, B_z, C_z
+        yield from ((i, j, A) for (i, j), A in zip(_BLOCKS[len(k.F)], blocks, strict=True))
         return
     metric = np.einsum("mje,nje->mne", jinv, jinv)
     yield from flattened(tangent_blocks(tuple(factors), pushed(k.F, jinv), pushed(k.C, jinv), metric))
@@ -61,9 +73,9 @@ def flattened(blocks: Iterable) -> Iterable[tuple[int, int, np.ndarray]]:
 
 @compiled()
 def _deformed(G, jinv):
-    """F (2, 2, nq·ne), its determinant, and tr FᵀF in plane strain."""
-    nq, ne = G.shape[1], G.shape[3]
-    F, J, trace = np.empty((2, 2, nq * ne)), np.empty(nq * ne), np.empty(nq * ne)
+    """F (dim, 2, nq·ne), of whose third row nothing is said; its determinant, and tr FᵀF in plane strain."""
+    dim, nq, _, ne = G.shape
+    F, J, trace = np.empty((dim, 2, nq * ne)), np.empty(nq * ne), np.empty(nq * ne)
     for q in range(nq):
         for e in range(ne):
             n = q * ne + e
@@ -78,9 +90,21 @@ def _deformed(G, jinv):
 
 
 @compiled()
+def _sheared(G, jinv, F, trace):
+    """Fills the row F_3J of a section in and adds its square to the ``trace``: G (nq, 2, ne) of u_z."""
+    nq, _, ne = G.shape
+    for q in range(nq):
+        for e in range(ne):
+            a = G[q, 0, e] * jinv[0, 0, e] + G[q, 1, e] * jinv[1, 0, e]
+            b = G[q, 0, e] * jinv[0, 1, e] + G[q, 1, e] * jinv[1, 1, e]
+            F[2, 0, q * ne + e], F[2, 1, q * ne + e] = a, b
+            trace[q * ne + e] += a * a + b * b
+
+
+@compiled()
 def _stresses(F, s, c, jinv):
-    nq, ne = s.shape
-    P = np.empty((2, nq, 2, ne))
+    dim, (nq, ne) = len(F), s.shape
+    P = np.empty((dim, nq, 2, ne))
     for q in range(nq):
         for e in range(ne):
             n, by_F, by_C = q * ne + e, s[q, e], c[q, e]
@@ -91,6 +115,8 @@ def _stresses(F, s, c, jinv):
             for m in range(2):
                 P[0, q, m, e] = p00 * jinv[m, 0, e] + p01 * jinv[m, 1, e]
                 P[1, q, m, e] = p10 * jinv[m, 0, e] + p11 * jinv[m, 1, e]
+                if dim == 3:  # no cofactor stands there
+                    P[2, q, m, e] = by_F * (F[2, 0, n] * jinv[m, 0, e] + F[2, 1, n] * jinv[m, 1, e])
     return P
 
 
@@ -124,6 +150,28 @@ def _tangents(F, ff, fc, cc, swap, one, jinv):
             C[q, 0, e] = f10 * x10 + c10 * (y10 + z10) + by_one * m00
             C[q, 1, e] = f10 * x11 + c10 * (y11 + z11) + by_one * m01
             C[q, 2, e] = f11 * x11 + c11 * (y11 + z11) + by_one * m11
+    return A, B, C
+
+
+@compiled()
+def _tangents_along(F, ff, fc, one, jinv):
+    """Of a section the blocks of u_z, with u_x, u_y and itself."""
+    nq, ne = ff.shape
+    A, B, C = np.empty((nq, 4, ne)), np.empty((nq, 4, ne)), np.empty((nq, 3, ne))
+    for q in range(nq):
+        for e in range(ne):
+            n, by_ff, by_fc, by_one = q * ne + e, ff[q, e], fc[q, e], one[q, e]
+            h00, h01, h10, h11 = jinv[0, 0, e], jinv[0, 1, e], jinv[1, 0, e], jinv[1, 1, e]
+            f0, f1 = F[2, 0, n] * h00 + F[2, 1, n] * h01, F[2, 0, n] * h10 + F[2, 1, n] * h11
+            a0, a1 = by_ff * F[0, 0, n] + by_fc * F[1, 1, n], by_ff * F[0, 1, n] - by_fc * F[1, 0, n]
+            b0, b1 = by_ff * F[1, 0, n] - by_fc * F[0, 1, n], by_ff * F[1, 1, n] + by_fc * F[0, 0, n]
+            for m in range(2):
+                x, y = a0 * jinv[m, 0, e] + a1 * jinv[m, 1, e], b0 * jinv[m, 0, e] + b1 * jinv[m, 1, e]
+                A[q, 2 * m, e], A[q, 2 * m + 1, e] = x * f0, x * f1
+                B[q, 2 * m, e], B[q, 2 * m + 1, e] = y * f0, y * f1
+            C[q, 0, e] = by_ff * f0 * f0 + by_one * (h00 * h00 + h01 * h01)
+            C[q, 1, e] = by_ff * f0 * f1 + by_one * (h00 * h10 + h01 * h11)
+            C[q, 2, e] = by_ff * f1 * f1 + by_one * (h10 * h10 + h11 * h11)
     return A, B, C
 
 

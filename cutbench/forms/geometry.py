@@ -18,7 +18,7 @@ class Geometry:
     number of mirror images; 3D: mirror images). ``held`` lists faces with the displacement component
     that symmetry keeps at zero. ``split``: both sides of the cut plane are meshed, as faces "cut"
     (x > 0) and "cut_minus". ``section``: of a block that is one drawn out, its mesh, and the ``planes`` along
-    z between the layers, mm.
+    z between the layers, mm. ``sheared``: a section's points move along the blade, too.
     """
 
     mesh: skfem.Mesh
@@ -29,6 +29,7 @@ class Geometry:
     split: bool = False
     section: skfem.MeshTri | None = None
     planes: np.ndarray | None = None
+    sheared: bool = False
 
     @property
     def blade_faces(self) -> tuple[str, ...]:

@@ -1,4 +1,5 @@
-"""A section's space drawn out along z: each of its elements is a row of prisms, one a layer.
+"""A section's space drawn out along z: each of its elements is a row of prisms, one a layer; or it stands for
+itself, where points move along z, but nothing depends on it.
 
 Along z displacements are quadratic in a layer, through three planes of nodes: its two ends and its middle.
 All integrals are taken in these planes, by Simpson's rule: in each the body meets the blade, and opens, as a
@@ -9,7 +10,7 @@ own way by less than its share, down to 0.4 of it with Gauss's: cuts then ran in
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
@@ -152,3 +153,33 @@ class Prisms(Space):
         wide, (point, face) = self.widths[plane], np.divmod(share.at, n)
         some.share = Share(share.whole * wide, share.slope * wide, (point * planes + plane) * n + face)
         return some
+
+
+@dataclass(frozen=True)
+class Sheared(Prisms):
+    """A section whose points move along z, too, all along a line alike: one plane, 1 mm of it."""
+
+    @classmethod
+    def over(cls, flat: Space) -> Sheared:
+        X = np.vstack([flat.X, np.zeros(flat.X.shape[1])])
+        return cls(flat.mesh, flat.order, X, flat.element_nodes, None, flat, np.zeros(1))
+
+    @property
+    def dim(self) -> int:
+        return 3
+
+    @property
+    def widths(self) -> np.ndarray:
+        return np.ones(1)
+
+    @property
+    def cells(self) -> tuple[str, np.ndarray]:
+        return self.flat.cells
+
+    def probes(self, points: np.ndarray) -> sp.csr_matrix:
+        return self.flat.probes(np.ascontiguousarray(points[:2]))
+
+    def volume(self, degree: int, order: int | None = None) -> Volume:
+        """With gradients in the plane alone."""
+        flat = self.flat.volume(degree, order)
+        return replace(flat, X=np.concatenate([flat.X, np.zeros((1, *flat.w.shape))]))

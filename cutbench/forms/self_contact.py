@@ -38,13 +38,14 @@ class SelfContactForm(Form):
         thickness: float,
         tuning: SelfContactTuning,
     ):
-        """``X`` (2, nnode): positions of all nodes."""
+        """``X`` (dim, nnode): positions of all nodes, which move in as many directions."""
         self._laws, self._tuning = tuple(laws), tuning
         self.reads = tuple(n for law in laws for n in (*law.reads, *(q.name for q in law.parameters)))
+        self._dim = len(X)
         self._lines = [_Line.of(nodes, X[:, nodes], thickness, tuning) for nodes in lines]
         self._numbers = np.concatenate([line.nodes for line in self._lines])
         # Forces come as one column: any points may meet.
-        self.dofs = (2 * self._numbers[:, None] + np.arange(2)).reshape(-1, 1)
+        self.dofs = (self._dim * self._numbers[:, None] + np.arange(2)).reshape(-1, 1)
         self._known = [np.zeros(0, int) for _ in self._lines]
         #: Unknowns (6, n) that the tangent's pattern joins.
         self.couples = np.zeros((6, 0), int)
@@ -92,7 +93,7 @@ class SelfContactForm(Form):
             for line, codes in zip(self._lines, self._known, strict=True):
                 i, e = np.divmod(codes, line.nodes.size)
                 nodes = line.nodes[np.stack([i, e, e + 1])]
-                tables.append((2 * nodes[:, None] + np.arange(2)[:, None]).reshape(6, -1))
+                tables.append((self._dim * nodes[:, None] + np.arange(2)[:, None]).reshape(6, -1))
             self.couples = np.hstack(tables)
         return grown
 
@@ -141,13 +142,13 @@ class _Line:
 
     @classmethod
     def of(cls, nodes: np.ndarray, X: np.ndarray, thickness: float, tuning: SelfContactTuning) -> _Line:
-        apart = np.hypot(*np.diff(X, axis=1))
+        apart = np.hypot(*np.diff(X[:2], axis=1))
         before, after = np.append(apart[:1], apart), np.append(apart, apart[-1:])
         length = (before + after) / 2
         length[[0, -1]] /= 2
         reach = np.minimum(tuning.part * np.minimum(before, after), tuning.reach * thickness)
-        places = 2 * nodes + np.arange(2)[:, None]
-        return cls(nodes, np.ascontiguousarray(X), places, length, reach)
+        places = len(X) * nodes + np.arange(2)[:, None]
+        return cls(nodes, np.ascontiguousarray(X[:2]), places, length, reach)
 
     def moved(self, u: np.ndarray) -> np.ndarray:
         return self.X + u.take(self.places)

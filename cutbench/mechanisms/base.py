@@ -383,6 +383,18 @@ PROTOCOL = (
     Parameter.positive(
         "speed", "mm/s", "v", "blade speed", default=0.021, lever="speed", trial=("ten times as fast", 10.0)
     ),
+    Parameter(
+        "slice_push",
+        "1",
+        "ξ",
+        "speed of the blade along its edge over its speed down",
+        low=0,
+        high=100,
+        default=0.0,
+        typical=1.0,
+        sought=False,
+        lever="slicing",
+    ),
     Parameter.positive(
         "depth", "mm", "u", "blade travel (default: to 4 thicknesses above the base)", typical=21.0
     ),

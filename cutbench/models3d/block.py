@@ -17,7 +17,7 @@ PARTS = {"quarter": 4.0, "half": 2.0, "full": 1.0}
 
 def part_of(values, numerics) -> str:
     """Which part of a block with a built-in mesh is meshed: quarter, half or full."""
-    smallest = "half" if values.get("incline", 0.0) else "quarter"
+    smallest = "half" if values.get("incline", 0.0) or values["slice_push"] else "quarter"
     smallest = "full" if values.get("tilt", 0.0) else smallest
     return smallest if numerics.symmetry == "auto" else numerics.symmetry
 
@@ -33,8 +33,8 @@ def geometry(values, numerics, radius: float = np.inf) -> Geometry:
         if tilted and part != "full":
             expected = f"a full block with a tilted blade, not a {part}"
             raise BadInput(key="mesh", value=numerics.mesh, expected=expected)
-        if values.get("incline", 0.0) and part == "quarter":
-            expected = "half a block, or a full one, with an inclined blade"
+        if (values.get("incline", 0.0) or values["slice_push"]) and part == "quarter":
+            expected = "half a block, or a full one, with a blade that is inclined or slices"
             raise BadInput(key="mesh", value=numerics.mesh, expected=expected)
         if part == "full":
             _check_pairs(mesh, numerics.mesh)

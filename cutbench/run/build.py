@@ -20,7 +20,7 @@ from cutbench.forms.damping import DampingForm
 from cutbench.forms.geometry import Geometry, paired
 from cutbench.forms.gradient import GradientForm
 from cutbench.forms.mixed import MixedVolumetric
-from cutbench.forms.prisms import Prisms
+from cutbench.forms.prisms import Prisms, Sheared
 from cutbench.forms.self_contact import SelfContactForm
 from cutbench.forms.space import Faces, Space
 from cutbench.forms.support import SupportForm
@@ -74,7 +74,8 @@ def geometry_of(case: Case, **where) -> Geometry:
     if n.symmetry == "auto" and tool is not None and not tool.alike(case.p):
         n = replace(n, symmetry="full")
     if case.dim == 2:
-        return section_geometry(case.values, n, radius, case.sizes.detail_mm, **where)
+        section = section_geometry(case.values, n, radius, case.sizes.detail_mm, **where)
+        return replace(section, sheared=case.p.slice_push > 0)
     if not n.layers or n.mesh is not None:
         return block_geometry(case.values, n, radius)
     if n.element == "P2P1":
@@ -93,7 +94,8 @@ def geometry_of(case: Case, **where) -> Geometry:
 def space_of(geometry: Geometry, order: int) -> Space:
     """Displacements of an ``order`` on a mesh."""
     if geometry.section is None or geometry.planes is None:
-        return Space.build(geometry.mesh, order)
+        flat = Space.build(geometry.mesh, order)
+        return Sheared.over(flat) if geometry.sheared else flat
     return Prisms.of(geometry.mesh, Space.build(geometry.section, order), geometry.planes)
 
 
@@ -121,7 +123,7 @@ def build(case: Case, geometry: Geometry | None = None, space: Space | None = No
     space = space or space_of(geometry, ORDER[case.numerics.element])
     forms, ndof = _forms(case, geometry, space)
     # A section is small, and the mixed element's matrix no elasticity alone: both are factorized.
-    modes = rigid_motions(space.X) if space.dim == 3 and ndof == space.ndof else None
+    modes = rigid_motions(space.X) if case.dim == 3 and ndof == space.ndof else None
     fixed = _fixed(case.model, geometry, space, forms)
     tool, solver = case.model.tool, case.numerics.solver
     problem = Problem(forms, ndof, fixed, case.p, solver=solver, modes=modes, pulled=tool is None)
@@ -130,7 +132,7 @@ def build(case: Case, geometry: Geometry | None = None, space: Space | None = No
 
 def _forms(case: Case, geometry: Geometry, space: Space) -> tuple[list[Form], int]:
     """All that holds a specimen together and meets it, and how many unknowns that has."""
-    p, n, model, dim = case.p, case.numerics, case.model, space.dim
+    p, n, model = case.p, case.numerics, case.model
     degree = 1 if space.order == 1 else n.bulk_degree or DEGREE[n.element]
     volume = space.volume(degree)
     bulk, skins, cut = (model.laws(slot) for slot in ("bulk", "skin", "cut"))
@@ -159,7 +161,8 @@ def _forms(case: Case, geometry: Geometry, space: Space) -> tuple[list[Form], in
         met, kept = Faces.joined(list(faces.values())), [name for name in faces if name != "top"]
         contact = contact_numerics(case, model, p)
         forms.append(BladeForm(model.laws("blade"), met, contact, keep_touched=kept, height=p.height))
-    if dim == 2 and n.self_contact == "on" and (lines := surface_lines(faces, space.X, WIDE * p.thickness)):
+    met_itself = case.dim == 2 and n.self_contact == "on"
+    if met_itself and (lines := surface_lines(faces, space.X, WIDE * p.thickness)):
         forms.append(SelfContactForm(lines, space.X, model.laws("bulk"), p.thickness, n.tuning.self_contact))
     if case.sizes.damping_mm > 0:
         forms.append(DampingForm(volume, damping_viscosity(case, p)))
@@ -206,7 +209,7 @@ def _march(case: Case, geometry: Geometry, space: Space, problem: Problem) -> Ma
     return March(
         problem,
         np.array([0.0, p.height, 0.0]),  # the tip touches the top
-        Motion(p.depth, p.speed, case.motion),
+        Motion(p.depth, p.speed, case.motion, p.slice_push),
         space.nodes_on(geometry.clamped) * space.dim + 1,
         rules,
         NewtonSettings(**vars(tuned.newton.sized(case.unit_mm)), tolerance=n.tolerance),
@@ -221,7 +224,7 @@ def surfaces_of(skins, space: Space, geometry: Geometry, faces, opens: bool, deg
         yield from surface_forms(skins, space, geometry, faces, opens)
         return
     flat = {name: space.flat.faces(name, degree) for name in faces}
-    section = replace(geometry, held=(), mesh=geometry.section)
+    section = replace(geometry, held=(), mesh=space.flat.mesh)
     for form in surface_forms(skins, space.flat, section, flat, opens):
         assert isinstance(form, SurfaceForm), "what a surface has is a form of surfaces"
         yield space.stacked(form, flat["cut"])

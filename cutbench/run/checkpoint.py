@@ -20,7 +20,7 @@ import numpy as np
 from cutbench.base.files import replacing
 
 #: Layout of the file; one of another layout is not resumed from.
-SCHEMA = 6
+SCHEMA = 7
 #: Name of the file in a run's folder.
 NAME = "checkpoint.npz"
 

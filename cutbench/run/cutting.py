@@ -54,8 +54,8 @@ def run2d(
         Material: ``G``, ``tau_W`` (kPa), ``nu``, ``G_c`` (J/m^2), ``delta_c``, ``surface_length`` (mm),
         ``beta``, ``onset_stiffness``, ``mu``, ``eta_reg`` (s). Blade: ``thickness``, ``tip``, ``overhang``
         (mm), ``tilt``, ``incline`` (deg). Specimen: ``width``, ``length``, ``height``, ``precut`` (mm).
-        Protocol: ``speed`` (mm/s), ``depth`` (mm), ``until`` (``"depth"`` or ``"transition"``), ``motion``.
-        Parameters of other laws have theirs.
+        Protocol: ``speed`` (mm/s), ``depth`` (mm), ``slice_push`` (speed along the edge over speed down),
+        ``until`` (``"depth"`` or ``"transition"``), ``motion``. Parameters of other laws have theirs.
 
         Dimensionless groups in place of one of these: ``cohesion``, ``viscosity``, ``adhesion``,
         ``friction``, ``opening``, ``sharpness``.

@@ -11,7 +11,7 @@ from cutbench.case.case import Case
 from cutbench.run.measures import FRONT, MAX_JUMPS, TRANSITION, at_the_front
 from cutbench.run.observer import Observer
 from cutbench.run.remeshing import RemeshedMarch
-from cutbench.run.result import SELF_CONTACT, SNAP, TRANSFER
+from cutbench.run.result import ALONG, SELF_CONTACT, SNAP, TRANSFER
 from cutbench.solver.march import Accepted
 
 
@@ -32,7 +32,7 @@ class Ledger(Observer):
         self._blade = 0.0
         # What steps at rest have taken, which the motion's time does not have, s.
         self._rested = 0.0
-        # Since the last row: where the blade is, its force, and what each mechanism took up.
+        # Since the last row: where the blade is, its work per travel, and what each mechanism took up.
         self._now = (0.0, 0.0)
         self._since: dict[str, float] = {}
         # A curve starts at the origin: nothing touched, nothing spent.
@@ -45,6 +45,8 @@ class Ledger(Observer):
         names += [TRANSFER] * meshes.follows
         self._names = names
         row = {"displacement_mm": 0.0, "force_N": 0.0, "time_s": 0.0}
+        self._slices = built.case.p.slice_push > 0
+        row |= {ALONG: 0.0} if self._slices else {}
         row["cut_length_mm"] = self._cut_length(built.problem.start())
         row |= {f"force_{name}_N": 0.0 for name in names} | {f"work_{name}_mJ": 0.0 for name in names}
         self._rows = [row | {"reaction_N": 0.0, "closure": 0.0}]
@@ -53,10 +55,10 @@ class Ledger(Observer):
         """Take in a step: a row, unless it is between two points of the curve."""
         built = self._meshes.built
         scale = built.geometry.multiplicity
-        force = step.force * scale
+        drive = step.progress.drive * scale
         travel, before = self._now
-        self._blade += (before + force) / 2 * (step.travel - travel)
-        self._now = (step.travel, force)
+        self._blade += (before + drive) / 2 * (step.travel - travel)
+        self._now = (step.travel, drive)
         self.iterations += step.iterations
         self.refused += len(step.refused)
         if step.step.damping_factor > 1 and not step.between:
@@ -74,10 +76,11 @@ class Ledger(Observer):
             return
         row = {
             "displacement_mm": step.travel,
-            "force_N": force,
+            "force_N": step.force * scale,
             "time_s": step.pseudo_time_mm / built.march.speed + self._rested,
             "cut_length_mm": self._cut_length(step.states),
         }
+        row |= {ALONG: step.along * scale} if self._slices else {}
         travelled = step.travel - self.last["displacement_mm"]
         for name in self._names:
             row[f"force_{name}_N"] = self._since[name] / travelled if travelled else 0.0
@@ -95,7 +98,7 @@ class Ledger(Observer):
         built = self._meshes.built
         form = built.form("cohesion")
         cut = float(form.cut_area(states["cohesion"]).sum())
-        if form.dim == 3:
+        if built.case.dim == 3:
             X = form.faces.X[2]
             cut /= np.ptp(built.space.X[2]) if X.size else 1.0
         return cut
@@ -103,7 +106,8 @@ class Ledger(Observer):
     def measures(self) -> dict[str, float]:
         """Those of ``cutbench.run.measures.NOTED`` that the steps tell."""
         snap = self._work.get(SNAP, 0.0) / self._blade if self._blade else 0.0
-        return {"drag_steps": float(self._drags), "drag_boost": self._boost, "snap_rel": snap}
+        found = {"drag_steps": float(self._drags), "drag_boost": self._boost, "snap_rel": snap}
+        return found | ({"along_N": max(row[ALONG] for row in self._rows)} if self._slices else {})
 
     @property
     def farthest(self) -> float:
@@ -124,6 +128,11 @@ class Ledger(Observer):
         return {key: np.array([row[key] for row in self._rows]) for key in self._rows[0]}
 
 
+def work_per_travel(case: Case, curve: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Of the blade (n,), mJ/mm: its force and, where it slices, what its way along the edge adds."""
+    return curve["force_N"] + case.p.slice_push * curve.get(ALONG, 0.0)
+
+
 def jumps_rel(case: Case, curve: Mapping[str, np.ndarray], onset_mm: float) -> float:
     """Part of the blade's work behind the transition that damping takes: the front jumps from element to
     element where these are large against the cohesive zone. nan where the curve ends within a thickness."""
@@ -131,9 +140,10 @@ def jumps_rel(case: Case, curve: Mapping[str, np.ndarray], onset_mm: float) -> f
     key = f"work_{SNAP}_mJ"
     if not d[-1] - start >= case.unit_mm or key not in curve:
         return math.nan
-    force, lost = (np.interp(start, d, curve[name]) for name in ("force_N", key))
+    per_travel = work_per_travel(case, curve)
+    force, lost = (np.interp(start, d, column) for column in (per_travel, curve[key]))
     behind = d > start
-    blade = np.trapezoid(np.append(force, curve["force_N"][behind]), np.append(start, d[behind]))
+    blade = np.trapezoid(np.append(force, per_travel[behind]), np.append(start, d[behind]))
     return float((curve[key][-1] - lost) / blade) if blade > 0 else math.nan
 
 

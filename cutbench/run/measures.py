@@ -40,6 +40,7 @@ NOTED: dict[str, tuple[str, str]] = {
     "drag_boost": ("1", "largest damping at such a point, in units of its value; 0 where there is none"),
     "snap_rel": ("1", "work of the damping in jumps, relative to that of the blade"),
     "jumps_rel": ("1", "part of the blade's work behind the transition that unresolved jumps take"),
+    "along_N": ("N", "largest force along the edge, of a blade that slices"),
     "freed_rel": ("1", "energy viscosity takes per area cut where the front is fastest, over the toughness"),
 }
 

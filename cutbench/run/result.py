@@ -24,6 +24,8 @@ SNAP: Final = "snap"
 SELF_CONTACT: Final = "self_contact"
 TRANSFER: Final = "transfer"
 
+#: Column of the force along the edge, of a blade that slices; it is no entry of the ledger.
+ALONG: Final = "force_along_N"
 
 #: Before a parameter's name: the derivative of the displacements by it.
 SLOPE = "displacement_by_"
@@ -181,7 +183,8 @@ class Result(Displayed):
 
 def ledger_entries(columns: Sequence[str]) -> tuple[str, ...]:
     """Names between ``force_`` and ``_N``, or ``work_`` and ``_mJ``, in order of appearance."""
-    matches = [re.fullmatch(r"force_(.+)_N|work_(.+)_mJ", column) for column in columns]
+    listed = (column for column in columns if column != ALONG)
+    matches = [re.fullmatch(r"force_(.+)_N|work_(.+)_mJ", column) for column in listed]
     return tuple(dict.fromkeys(match[1] or match[2] for match in matches if match))
 
 
@@ -189,7 +192,7 @@ def ordered_columns(columns: Sequence[str]) -> list[str]:
     """The columns of ``curve.csv`` in its stated order; unknown ones stand before the closing two."""
     entries = ledger_entries(columns)
     ledger = [f"force_{m}_N" for m in entries] + [f"work_{m}_mJ" for m in entries]
-    leading = ("displacement_mm", "force_N", "time_s", "cut_length_mm")
+    leading = ("displacement_mm", "force_N", ALONG, "time_s", "cut_length_mm")
     trailing = ("reaction_N", "closure")
     others = [c for c in columns if c not in (*leading, *ledger, *trailing)]
     return [c for c in (*leading, *ledger, *others, *trailing) if c in columns]
@@ -284,7 +287,8 @@ def friction_advice(case: Case, onset_mm: float) -> str:
         return ""
     return (
         "Friction may hold the surface under the edge, so that it is pressed in and not stretched: a run"
-        f" without {' and '.join(rubs)} says whether."
+        f" without {' and '.join(rubs)} says whether, and one with a larger slice_push whether drawing the"
+        " blade along its edge helps."
     )
 
 

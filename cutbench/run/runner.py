@@ -18,7 +18,7 @@ from cutbench.case.values import check_driven
 from cutbench.run.checkpoint import Checkpoint
 from cutbench.run.fields import Fields, checked_frames
 from cutbench.run.front import Front, Middle
-from cutbench.run.ledger import Ledger, freed_rel, jumps_advice, jumps_rel
+from cutbench.run.ledger import Ledger, freed_rel, jumps_advice, jumps_rel, work_per_travel
 from cutbench.run.measures import forward, measures
 from cutbench.run.observer import Observer
 from cutbench.run.remeshing import Place, RemeshedMarch, Transfer
@@ -130,7 +130,7 @@ class _Run:
         self._fields = Fields(meshes, self._ledger, snapshots_mm, frames, self._following)
         self._stopping = StoppingCriterion(case, built.march.motion, self._ledger)
         beside: list[Observer] = [SelfIntersection(built)]
-        if built.space.dim == 3:
+        if case.dim == 3:
             front = Front(built)
             beside = [front, Middle(built, front)] if built.problem.cut else [front]
         # The fields know a step's row and derivatives: they come last.
@@ -255,6 +255,7 @@ def _measures(case: Case, curve: Mapping[str, np.ndarray], whole: bool) -> dict[
     taken = partial(measures, window_mm=case.unit_mm, height_mm=case.values["height"], whole=whole)
     found = taken(way_down)
     found |= Middle.read(way_down, taken)
+    found["energy_mJ"] = float(np.trapezoid(work_per_travel(case, way_down), way_down["displacement_mm"]))
     found["freed_rel"] = freed_rel(case, way_down, found["onset_mm"])
     found["jumps_rel"] = jumps_rel(case, way_down, found["onset_mm"])
     found["closure"] = float(curve["closure"][-1])

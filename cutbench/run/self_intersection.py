@@ -20,7 +20,7 @@ ADVICE = "(Beside the blade the surface passes through itself: nothing keeps one
 def surface_lines_of(built: Built) -> list[np.ndarray]:
     """Nodes along top and cut face of a section, each side by itself; none in three dimensions, which are not
     looked at."""
-    if built.space.dim == 3 or not built.blades:
+    if built.case.dim == 3 or not built.blades:
         return []
     faces = built.blades[0].faces
     parts = {name: faces.some(np.arange(at.start, at.stop)) for name, at in faces.parts.items()}
@@ -35,7 +35,7 @@ def crossed_area(built: Built, u: np.ndarray, lines: Iterable[np.ndarray] | None
     space, total = built.space, 0.0
     x = space.X + u[: space.X.size].reshape(space.dim, -1, order="F")
     for line in surface_lines_of(built) if lines is None else lines:
-        moved = x[:, line]
+        moved = x[:2, line]
         if crossings(moved).size:
             # Closed through the body.
             top, base = (0, -1) if space.X[1, line[0]] > space.X[1, line[-1]] else (-1, 0)

@@ -30,8 +30,8 @@ from cutbench.solver.linearised_perturbation import LinearisedPerturbation
 from cutbench.solver.march import Accepted
 from cutbench.solver.sensitivity import Direction, Sensitivities
 
-#: Sizes that move the mesh, and the travel itself: no derivative by them.
-_FIXED = frozenset(q.name for q in SPECIMEN) | {"depth"}
+#: Sizes that move the mesh, and the blade's way itself: no derivative by them.
+_FIXED = frozenset(q.name for q in SPECIMEN) | {"depth", "slice_push"}
 #: Slots whose laws a stateless volume form does not see.
 _FACES = frozenset({"cut", "blade", "rig"})
 
@@ -46,7 +46,7 @@ def checked(case: Case, names: Sequence[str]) -> tuple[str, ...]:
     known = differentiable(case.model)
     for name in names:
         if name in _FIXED:
-            expected = f"a parameter that leaves the mesh and the travel as they are: {', '.join(known)}"
+            expected = f"a parameter that leaves the mesh and the blade's way as they are: {', '.join(known)}"
             raise BadInput("sensitivities", name, expected)
         among("sensitivities", name, known)
         if name == "speed" and case.motion:

@@ -107,6 +107,9 @@ def rate_independent_case(case: Case) -> Case:
 
     A law depends on time only if one of its parameters has time in its unit (beside forces).
     """
+    if case.p.slice_push:
+        expected = "0: a path of equilibria is of a blade that goes down alone"
+        raise BadInput("slice_push", case["slice_push"], expected)
     viscous = [m.name for m in case.model.all if m.regularises]
     for law in case.model.all:
         if law.slot in ("bulk", "cut", "blade", "skin", "support") and law.name not in viscous:

@@ -37,7 +37,7 @@ class Load:
 
 @dataclass
 class _Found:
-    """What was found for a step from ``begun``, where the blade's force was ``force_before``.
+    """What was found for a step from ``begun``, where the blade's ``drive`` was ``drive_before``.
 
     Force and work are computed when they are asked for: many steps are refused before.
     """
@@ -46,7 +46,8 @@ class _Found:
     load: Load
     begun: dict[str, dict]
     step: Step
-    force_before: float
+    drive_before: float
+    slice_push: float
     u: np.ndarray
     result: Evaluation
     effort: list[int]
@@ -61,10 +62,20 @@ class _Found:
         return self.load.force(self.problem, self.result)
 
     @cached_property
+    def along(self) -> float:
+        """The blade's force along its edge, where it goes that way."""
+        return self.problem.force_along(self.result.states) if self.slice_push else 0.0
+
+    @property
+    def drive(self) -> float:
+        """The blade's work per travel, N."""
+        return self.force + self.slice_push * self.along
+
+    @cached_property
     def spent(self) -> float:
         """The blade's work."""
         moved = float(np.real(self.step.centre_old - self.step.centre)[1])
-        return (self.force_before + self.force) / 2 * moved
+        return (self.drive_before + self.drive) / 2 * moved
 
     @cached_property
     def left(self) -> float:
@@ -92,7 +103,8 @@ class Progress:
     control: StepState
     u_before: np.ndarray | None = None
     size_before: float | None = None
-    force: float = 0.0
+    #: The blade's work per travel, N.
+    drive: float = 0.0
     #: The blade's work so far, and what of it the ledger has left open.
     spent: float = 0.0
     left: float = 0.0
@@ -117,7 +129,7 @@ class Progress:
 @dataclass(frozen=True)
 class Accepted:
     """A converged step. ``pseudo_time_mm``: its end in the motion's time, × speed; what steps at rest take is
-    in ``dt`` alone."""
+    in ``dt`` alone. ``along``: the force against the blade's way along its edge."""
 
     travel: float
     pseudo_time_mm: float
@@ -125,6 +137,7 @@ class Accepted:
     u: np.ndarray
     states: dict[str, dict]
     force: float
+    along: float
     reaction: float
     work: dict[str, float]
     #: What a new mesh has added, by mechanism, to the work that the state held at its beginning.
@@ -155,7 +168,7 @@ class Stalled(ArithmeticError):
 class March:
     """Drive the blade through its ``motion``: iterate over ``steps`` to get each accepted one.
 
-    ``centre0`` (3,): the blade's apex at zero travel; it moves along −y.
+    ``centre0`` (3,): the blade's apex at zero travel; it moves along −y, and along z where it slices.
     """
 
     problem: Problem
@@ -176,7 +189,7 @@ class March:
         return self.motion.speed
 
     def centre(self, travel: float) -> np.ndarray:
-        return self.centre0 - np.array([0.0, travel, 0.0])
+        return self.centre0 + travel * np.array([0.0, -1.0, self.motion.slice_push])
 
     def __iter__(self) -> Iterator[Accepted]:
         return self.steps()
@@ -221,12 +234,12 @@ class March:
                 if now.jumped and ratio and not self._nearer(straight, u, begun, step):
                     straight = None
                 straight = self._improved(straight, known, u, begun, step)
-                found = self._first_converged_step(u, straight, begun, step, now.force, travel, ahead)
+                found = self._first_converged_step(u, straight, begun, step, now.drive, travel, ahead)
                 growth, nascent = (damage_growth(states, found.result.states, at) for at in (~whole, whole))
                 # What the ledger leaves open is the error of the step, against the blade's work over the
                 # largest step: within a small jump of a fine step nothing is gained by closing better than
                 # that. A blade at rest is taken as one that moves.
-                most = (abs(now.force) + abs(found.force)) / 2 * max(size, rules.largest)
+                most = (abs(now.drive) + abs(found.drive)) / 2 * max(size, rules.largest)
                 left = found.left - sum(now.added.values())
                 defect = abs(left) / max(most, 1e-300)
                 allowed = control.allowed(size, found.spent, left, now.spent, now.left)
@@ -249,12 +262,12 @@ class March:
             if motion.turns(pseudo_time_mm):
                 u_before, pace = None, replace(pace, size=min(pace.size, rules.first))
             now = Progress(
-                pseudo_time_mm, found.u, found.result.states, pace, u_before, size_before, found.force,
+                pseudo_time_mm, found.u, found.result.states, pace, u_before, size_before, found.drive,
                 spent=now.spent + found.spent, left=now.left + left, jumped=jumped,
                 past=None if self.past is None else self.past.state(),
             )  # fmt: skip
             yield Accepted(
-                ahead, pseudo_time_mm, step.dt, found.u, found.result.states, found.force,
+                ahead, pseudo_time_mm, step.dt, found.u, found.result.states, found.force, found.along,
                 found.result.residual[self.bottom].sum(), found.work, added, sum(effort), step, found.solves,
                 taken.between, now, tuple(refused), Given(size, step.damping_factor, found.u),
             )  # fmt: skip
@@ -295,20 +308,21 @@ class March:
         finally:
             self.problem.timer.add("window", began)
 
-    def _first_converged_step(self, u, straight, states, step, force, before, travel) -> _Found:
+    def _first_converged_step(self, u, straight, states, step, drive, before, travel) -> _Found:
         """A step from ``straight``; where it is None, or has elements inside out, from the last state."""
         try:
             guess = self.load.begun(u, before, travel) if straight is None else straight
-            return self._found(guess, states, step, force)
+            return self._found(guess, states, step, drive)
         except BadGuess:
             if straight is None:
                 raise
-            return self._found(self.load.placed(u, travel), states, step, force)
+            return self._found(self.load.placed(u, travel), states, step, drive)
 
-    def _found(self, guess, states, step, force) -> _Found:
+    def _found(self, guess, states, step, drive) -> _Found:
         held = FixedPointIteration(self.problem, self.newton, self.rules.augmentations, self.rules.staggered)
         u, result = held.solved(guess, states, step)
-        return _Found(self.problem, self.load, states, step, force, u, result, held.effort, held.solves)
+        start = states, step, drive, self.motion.slice_push
+        return _Found(self.problem, self.load, *start, u, result, held.effort, held.solves)
 
 
 def _straight(now: Progress, pace: StepState) -> tuple[np.ndarray | None, float]:

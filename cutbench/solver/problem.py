@@ -185,6 +185,10 @@ class Problem:
         """Force of the blade against its way, of the meshed part."""
         return sum(form.force(states[form.name])[1] for form in self.blades)
 
+    def force_along(self, states: dict[str, dict]) -> float:
+        """The same against its way along its edge, which is the third axis."""
+        return 0.0 - sum(form.force(states[form.name])[2] for form in self.blades)
+
     def work(self, u: np.ndarray, old: dict[str, dict], new: dict[str, dict], step: Step) -> dict[str, float]:
         """Work taken up by each mechanism over the step; faces add up under one name."""
         total: dict[str, float] = {}

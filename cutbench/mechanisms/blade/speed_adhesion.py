@@ -33,13 +33,17 @@ class SpeedAdhesion(Blade):
             "sticking_speed", "mm/s", "v_w", "speed above which τ_W grows", low=1e-6, high=1e3, default=0.01
         ),
     )
-    reads = ("tau_W", "speed")
+    reads = ("tau_W", "speed", "slice_push")
 
     def groups(self, p):
-        return {"speed sticking": p.speed_sticking, "v/v_w": p.speed / p.sticking_speed}
+        return {"speed sticking": p.speed_sticking, "v/v_w": self._ratio(p)}
+
+    def _ratio(self, p):
+        """Of the blade's speed, down and along its edge, and v_w."""
+        return p.speed * np.sqrt(1 + p.slice_push**2) / p.sticking_speed
 
     def like(self, p):
-        return {"tau_W": p.tau_W * (1 + p.speed_sticking * np.log(1 + p.speed / p.sticking_speed))}
+        return {"tau_W": p.tau_W * (1 + p.speed_sticking * np.log(1 + self._ratio(p)))}
 
     def strength(self, t_N, p, state, at):
         return (self.like(p)["tau_W"] - p.tau_W) * at.touched

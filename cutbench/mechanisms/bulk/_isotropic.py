@@ -47,8 +47,9 @@ def product(A: np.ndarray, B: np.ndarray) -> np.ndarray:
 class Kinematics:
     """What the laws need of F, computed once for all of them.
 
-    ``F`` (dim, dim, N); in two dimensions it is the in-plane part of plane strain, F_33 = 1.
-    ``C`` (dim, dim, N) its cofactor, ``J`` (N,) its determinant, ``trace`` (N,) tr FᵀF.
+    ``F`` (3, 3, N), or of a section, of which nothing depends on z, its first two columns: (2, 2, N) in plane
+    strain, (3, 2, N) where it is sheared along z; F_33 = 1.
+    ``C`` its cofactor in as many rows and columns, ``J`` (N,) its determinant, ``trace`` (N,) tr FᵀF.
     """
 
     def __init__(self, F: np.ndarray, J: np.ndarray | None = None, trace: np.ndarray | None = None):
@@ -62,17 +63,18 @@ class Kinematics:
     @cached_property
     def C(self) -> np.ndarray:
         F = self.F
-        if F.shape[0] == 2:
-            return np.stack([F[1, 1], -F[1, 0], -F[0, 1], F[0, 0]]).reshape(F.shape)
+        if F.shape[1] == 2:
+            none = [0 * F[0, 0]] * (F.shape[0] - 2) * 2
+            return np.stack([F[1, 1], -F[1, 0], -F[0, 1], F[0, 0], *none]).reshape(F.shape)
         return cofactor(F)
 
     @cached_property
     def J(self) -> np.ndarray:
-        return sum(self.F[0, J] * self.C[0, J] for J in range(self.F.shape[0]))
+        return sum(self.F[0, J] * self.C[0, J] for J in range(self.F.shape[1]))
 
     @cached_property
     def trace(self) -> np.ndarray:
-        return np.einsum("ijn,ijn->n", self.F, self.F) + (3 - self.F.shape[0])
+        return np.einsum("ijn,ijn->n", self.F, self.F) + (3 - self.F.shape[1])
 
     @cached_property
     def j(self) -> np.ndarray:

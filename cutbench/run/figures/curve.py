@@ -29,8 +29,9 @@ from cutbench.base.figure_style import (
     style,
 )
 from cutbench.mechanisms import registry
+from cutbench.run.ledger import work_per_travel
 from cutbench.run.measures import forward
-from cutbench.run.result import SELF_CONTACT, SNAP, TRANSFER, Result
+from cutbench.run.result import ALONG, SELF_CONTACT, SNAP, TRANSFER, Result
 
 #: Of both panels with the legend beside them: a column and a half.
 WIDTH_MM = 140.0
@@ -140,6 +141,8 @@ def draw_force(axes: Axes, result: Result) -> None:
     # The underscore keeps it out of the legend, as long as the run is alone.
     across, label = abscissa(result)
     axes.plot(across, force, gid=FORCE, label=name if drawn else f"_{name}", **own)
+    if not drawn and ALONG in result.curve:
+        axes.plot(across, result.curve[ALONG], color=own["color"], ls=":", gid=ALONG, label="along the edge")
     axes.set_xlabel(label)
     axes.set_ylabel("force (N)")
     onset, peak = (result.measures.get(key, np.nan) for key in ("onset_mm", "peak_mm"))
@@ -223,9 +226,10 @@ def _split(axes, result: Result, window_mm: float) -> None:
         axes.fill_between(at, up, up + gain, label=label, **look)
         axes.fill_between(at, down, down + loss, **look)
         up, down = up + gain, down + loss
-    work = cumulative_trapezoid(result.force_N[:count], travel, initial=0)
+    work = cumulative_trapezoid(work_per_travel(result.case, result.curve)[:count], travel, initial=0)
     total = smooth_force(travel, work, window_mm, at)
-    axes.plot(at, total, color="black", ls="-", lw=1.0, label="force on the blade", zorder=5)
+    what = "work of the blade per travel" if ALONG in result.curve else "force on the blade"
+    axes.plot(at, total, color="black", ls="-", lw=1.0, label=what, zorder=5)
     axes.margins(y=0.05)
     until = "; until the blade rests" if count < result.displacement_mm.size else "; below zero: released"
     axes.set_title(f"mean over {window_mm:.2g} mm of travel{until}", loc="left", fontsize=7.5, color=GREY)
