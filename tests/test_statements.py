@@ -22,7 +22,7 @@ STATEMENTS = {
     "models2d": 133,
     "models3d": 225,
     "run": 3965,
-    "emulator": 1056,
+    "emulator": 1061,
     "maps": 3117,
     "data": 2828,
     "homogeneous": 462,

@@ -49,9 +49,9 @@ def rubbed(element: str, ratio: float) -> Iterator[Check]:
     ways = np.linspace(0, DOWN, STEPS + 1)
     for before, now in pairwise(ways):
         # The band, a beside the blade's mid-plane, is in the slab by the depth from the start.
-        places = (np.array([DEPTH - p.thickness / 2, -5.0 - way, ratio * way]) for way in (now, before))
+        there, then = (np.array([DEPTH - p.thickness / 2, -5.0 - way, ratio * way]) for way in (now, before))
         states = problem.touched(states)
-        u, found = solve(problem, u, states, Step(1.0, u, *places))
+        u, found = solve(problem, u, states, Step(1.0, u, there, then))
         states = found.states
     face, root = space.nodes_on("cut"), np.hypot(1, ratio)
     pressure = states["blade"]["pressure"].mean()

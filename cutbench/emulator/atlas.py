@@ -38,7 +38,6 @@ from cutbench.run.measures import (
     SETTLED,
     SMOOTH,
     TAIL,
-    TRANSITION,
     UNCUT,
     relative_fall,
 )
@@ -523,21 +522,19 @@ def joined(
         beyond <= 0, np.interp(x, np.linspace(0, onset, rising.size), rising),
         np.interp(beyond, TRAVELS_BEYOND_ONSET, later),
     )  # fmt: skip
-    part = np.clip((beyond / DROP_WINDOW - TRANSITION) / (SETTLED - TRANSITION), 0.0, 1.0)
+    part = np.clip((beyond / DROP_WINDOW - KNOWN) / (SETTLED - KNOWN), 0.0, 1.0)
     return force + part * (np.maximum(math.exp(level) + slope * (x - middle), 0.0) - force)
 
 
 def _falling(onset: float, rising: np.ndarray, later: np.ndarray, root_drop: float) -> np.ndarray:
-    """A curve beyond its onset, bent where it is lowest until it falls by a drop."""
-    x, lowest = TRAVELS_BEYOND_ONSET, int(later.argmin())
-    if not lowest:
-        return later
-    travel = np.concatenate([np.linspace(0, onset, rising.size), onset + x[1:]])
-    bend = later.max() * np.interp(x, [0, x[lowest], x[-1]], [0.0, 1.0, 0.0])
-    for _ in range(3):
-        falls = relative_fall(travel, np.concatenate([rising, later[1:]]), DROP_WINDOW, onset, 0.0)
-        later = np.maximum(later - (max(root_drop, 0.0) ** 2 - falls) * bend, 0.0)
-    return later
+    """A curve beyond its onset, whose falls are made larger or smaller, until it falls by a drop."""
+    travel = np.concatenate([np.linspace(0, onset, rising.size), onset + TRAVELS_BEYOND_ONSET[1:]])
+    highest, part = np.maximum.accumulate(later), 1.0
+    for _ in range(4):
+        found = np.maximum(highest + part * (later - highest), 0.0)
+        falls = relative_fall(travel, np.concatenate([rising, found[1:]]), DROP_WINDOW, onset, 0.0)
+        part *= max(root_drop, 0.0) ** 2 / falls if falls > 0 else 1.0
+    return found
 
 
 def _interval(normal: np.ndarray, unit: float, there: bool, root: bool = False) -> Interval:
