@@ -21,6 +21,7 @@ import numpy as np
 from PIL import Image
 
 import cutbench
+from cutbench.base.figure_style import DOUBLE_MM, LINE_COLOURS, new_figure, save, style
 from cutbench.data.contact import find_contact
 from cutbench.mechanisms import registry
 
@@ -170,25 +171,34 @@ def rooms() -> None:
 
 def slicing() -> None:
     """Gelatin under a wedge that rubs: its force at several ratios of the speeds, and when it is cut."""
-    figure, (left, right) = plt.subplots(1, 2, figsize=(10, 3.6), layout="constrained")
-    for k, ratio in enumerate((0.0, 0.5, 1.0, 4.0)):
-        run = cutbench.run2d("gelatin_recalibrated", mu=0.05, slice_push=ratio, depth="7 mm", snapshots_mm=())
-        left.plot(run.displacement_mm, run.force_N, f"C{k}", label=f"ξ = {ratio:g}")
-        if ratio:
-            left.plot(run.displacement_mm, run.curve["force_along_N"], f"C{k}:")
-    left.set(xlabel="travel of the blade (mm)", ylabel="force (N)", title="μ = 0.05", ylim=(0, 3))
-    left.legend(frameon=False)
+    runs = {
+        ratio: cutbench.run2d(
+            "gelatin_recalibrated", mu=0.05, slice_push=ratio, depth="7 mm", snapshots_mm=()
+        )
+        for ratio in (0.0, 0.5, 1.0, 4.0)
+    }
     data = cutbench.load_map(HERE.parent / "studies" / "results" / "slicing" / "map.nc")
     ratios, deepest = data["slice_push"].values, 6.0
-    for k, (mu, marker) in enumerate(zip(data["mu"].values, "osD", strict=True)):
-        onset = data["onset_mm"].sel(mu=mu).values
-        right.plot(ratios, onset, f"C{k}{marker}-", ms=4, label=f"μ = {mu:g}")
-        held = ratios[np.isnan(onset)]
-        right.plot(held, np.full(held.size, deepest), f"C{k}^", mfc="white")
-    right.set(xlabel="speed along the edge over speed down, ξ", ylabel="travel at which the cut begins (mm)")
-    right.set_ylim(0, 1.05 * deepest)
-    right.legend(frameon=False)
-    figure.savefig(FIGURES / "slicing.png", dpi=140)
+    with style():
+        figure = new_figure(DOUBLE_MM, 65)
+        left, right = figure.subplots(1, 2)
+        for colour, (ratio, run) in zip(LINE_COLOURS, runs.items(), strict=False):
+            left.plot(run.displacement_mm, run.force_N, color=colour, label=f"ξ = {ratio:g}")
+            if ratio:
+                left.plot(run.displacement_mm, run.curve["force_along_N"], ":", color=colour)
+        left.set(xlabel="blade travel (mm)", ylabel="force (N)", title="μ = 0.05", ylim=(0, 3))
+        for colour, mu, marker in zip(LINE_COLOURS, data["mu"].values, "osD", strict=False):
+            onset = data["onset_mm"].sel(mu=mu).values
+            right.plot(ratios, onset, f"{marker}-", color=colour, ms=4, label=f"μ = {mu:g}")
+            held = ratios[np.isnan(onset)]
+            right.plot(held, np.full(held.size, deepest), "^", color=colour, mfc="white", ms=4)
+        right.set(
+            xlabel="speed along the edge over speed down, ξ", ylabel="travel at which the cut begins (mm)"
+        )
+        right.set_ylim(0, 1.05 * deepest)
+        for axes in (left, right):
+            axes.legend(frameon=False)
+        save(figure, FIGURES / "slicing.png")
 
 
 if __name__ == "__main__":

@@ -320,16 +320,22 @@ class Atlas:
         toughness = g["cohesion"] * g["delta_c"] * (1 + g["viscosity"])
         return toughness + g["adhesion"] * g["cohesion"] * self._middle(groups, onset, depth)
 
+    def _widening(self, name: str, groups: np.ndarray) -> np.ndarray:
+        """By what intervals (n,) are wider than the processes say, for each kind of blade."""
+        ellipse, wedge = (np.isfinite(self._by_name(groups)[side]) for side in ("tip", "angle"))
+        factors = [self.wider.get(f"{blade} {name}", 1.0) for blade in ("contact", "wedge", "wire")]
+        return np.where(ellipse, factors[0], np.where(wedge, factors[1], factors[2]))
+
     # -- what it says ---------------------------------------------------------------------------------
     def measures(self, groups: np.ndarray, depths: np.ndarray) -> Measures:
         """Estimate the measures of runs that were not computed. With ``groups`` (p, d), ``depths`` (p,)."""
         places = self._coordinates(groups)
         onset = np.stack(self.curves.log_onset(places), axis=1)
-        onset[:, 1] *= self.wider.get("onset", 1.0)
+        onset[:, 1] *= self._widening("onset", groups)
         at, found = np.exp(onset[:, 0]), {"onset": onset}
         for name in MEASURES_WITH_PROCESS:
             made = self._own[name]
-            mean, sd = made.mean(places), made.spread(places, runs=True) * self.wider.get(name, 1.0)
+            mean, sd = made.mean(places), made.spread(places, runs=True) * self._widening(name, groups)
             if name == "slope":
                 usual = self._steady_cutting_force(groups, at, depths)
                 mean, sd = mean * usual, sd * usual
@@ -369,7 +375,7 @@ class Atlas:
 
         def normal(part: int, r: int) -> np.ndarray:
             half = np.random.default_rng(part).standard_normal((DRAWS // 2, r))
-            drawn = self.wider.get("curve", 1.0) * np.concatenate([half, -half])
+            drawn = self._widening("curve", groups)[0] * np.concatenate([half, -half])
             return np.concatenate([np.zeros((1, r)), drawn])  # the first is the mean
 
         drawn = self.curves.draws(self._coordinates(groups), normal)
