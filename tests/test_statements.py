@@ -26,7 +26,7 @@ STATEMENTS = {
     "maps": 3117,
     "data": 2828,
     "homogeneous": 462,
-    "calibration": 1582,
+    "calibration": 1609,
     "discovery": 1502,
     "app": 1129,
     "cli": 1112,

@@ -124,8 +124,11 @@ def successive_estimates(
         found, reach = _best_maximum(posterior, best_places(posterior, q, low, high)), (high - low) / 4
     else:
         found, reach = estimate_by_emulator(posterior, q), _search_radius(posterior, q)
-    settled = False
+    # A fit leaves room for the finer cuts that end it, and for those at the place that these lead to.
+    settled, last = False, SETTINGS.fit_runs - 3 * len(cuts) if start is None else SETTINGS.search_runs
     for _ in range(rounds or (SETTINGS.rounds if start is None else MAX_ROUNDS_NEARBY)):
+        if best is not None and runs.count + len(cuts) > last:
+            break
         progress.text, progress.left = worst_misfit(best or found), len(cuts) * (2 + 4 * refine)
         _compute_cuts(posterior, cuts, [found.q] * len(cuts))
         there = _evaluated_at(posterior, found.q)
