@@ -136,9 +136,10 @@ class ComparisonRound:
         if not good:
             return ()
         first = good[0]
-        behind = {c.name: first.evidence - c.evidence for c in good}
-        open_ = {c.name: math.hypot(first.evidence_sd, c.evidence_sd) for c in good}
-        alike = [c for c in good if c is first or behind[c.name] <= SETTINGS.undecided + open_[c.name]]
+        alike = [
+            c for c in good
+            if first.evidence - c.evidence <= SETTINGS.undecided + _evidence_sd(c.fitted, first.fitted)
+        ]  # fmt: skip
         # What the fitted tests cannot tell apart, those that were not fitted may.
         by_tests = all(c.held_out.how == TESTS and c.held_out.tells for c in alike)
         return tuple(
@@ -322,9 +323,9 @@ def _with_computed_cuts(
 ) -> list[ComparedModel]:
     """The best of them with cuts computed at their best places: while one that was not may be the best."""
     open_, done = [c for c in compared if _attainable_evidence(c) > 0], list[ComparedModel]()
-    runs = null.posterior.predictions.runs
+    last = SETTINGS.budget(SETTINGS.search_runs, len(null.posterior.tests_with_runs))
     for c in sorted(open_, key=_attainable_evidence, reverse=True)[: SETTINGS.computed]:
-        if runs.count >= SETTINGS.search_runs:
+        if null.posterior.predictions.runs.count >= last:
             break
         if max((d.evidence for d in done), default=-math.inf) > _attainable_evidence(c) + SETTINGS.undecided:
             break
@@ -371,18 +372,22 @@ def _compared_with_null(
     share = 1 - squared_discrepancy(fitted) / max(squared_discrepancy(null), 1e-300)
     p = scores.p_any(candidate.name, max(gain, 0.0))
     evidence = float(fitted.log_evidence - null.log_evidence)
-    # An error of the prediction e changes the logarithm of a likelihood by rᵀC⁻¹e.
-    variance = 0.0
-    for id in fitted.w.tests:
-        pulls = [np.linalg.solve(each.w.tests[id].total, each.at.residual[id]) for each in (fitted, null)]
-        pull = pulls[0] - pulls[1]
-        variance += float(pull @ fitted.at.error[id] @ pull)
     # Runs jag: of what they leave, a part must be explained even where chance could make it.
     significant = scores.p_residual < SETTINGS.chance or bool(null.posterior.tests_with_runs)
     told = held_out(null, fitted)
     return ComparedModel(
-        candidate, fitted, evidence, p, share, told, significant, evidence_sd=math.sqrt(variance)
+        candidate, fitted, evidence, p, share, told, significant, evidence_sd=_evidence_sd(fitted, null)
     )
+
+
+def _evidence_sd(one: Estimated, other: Estimated) -> float:
+    """Standard deviation of the difference of two models' evidences by errors of their predictions: an error
+    e changes the logarithm of a likelihood by rᵀC⁻¹e, and much of it is common to both."""
+    variance = 0.0
+    for id, error in one.at.error.items():
+        pulls = [np.linalg.solve(m.w.tests[id].total, m.at.residual[id]) for m in (one, other)]
+        variance += float((pulls[0] - pulls[1]) @ error @ (pulls[0] - pulls[1]))
+    return math.sqrt(variance)
 
 
 def squared_discrepancy(fitted: Estimated) -> float:
