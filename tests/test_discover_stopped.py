@@ -123,4 +123,6 @@ def test_what_was_fitted_in_a_round_that_was_stopped_is_kept(campaign):
 
     s = discover(campaign, workers=0, on_progress=stop)
     assert s.verdict == "undecided" and s.stopped and len(tried(s)) == 1
-    assert s.stopped in verdict_sentence(s)
+    said = verdict_sentence(s)
+    assert s.stopped in said and all(name in said for name in tried(s))
+    assert told[-1] in s.next_experiment

@@ -20,10 +20,11 @@ from cutbench.base.errors import ComputationFailed
 from cutbench.base.progress import Until
 from cutbench.calibration.cut_runs import CutRuns
 from cutbench.calibration.fitting import LATE, fit
-from cutbench.calibration.report import summary, to_dict, write_fit
+from cutbench.calibration.report import report, summary, to_dict, write_fit
 from cutbench.case.case import Case, load_case
 from cutbench.cli.main import app
-from cutbench.data.campaign import FitPlan, load_campaign, start_case
+from cutbench.data import Experiment, Repetition
+from cutbench.data.campaign import Campaign, FitPlan, load_campaign, start_case
 from cutbench.run.pool.pool import TaskPool
 from cutbench.run.runner import run_case
 
@@ -63,6 +64,43 @@ def test_a_homogeneous_campaign_gives_its_truth_back():
         assert abs(e.value / truth.values[e.label] - 1) < 0.1
         assert not e.at_bound and e.moved
     assert 0.5 < found.reduced_chi2 < 2
+
+
+def strips(*moduli_kPa: float, specimens: int = 3):
+    """Tension of strips, a test each of its own modulus: one is asked for."""
+    base, _ = start_case(
+        None,
+        baseline=["neo_hookean", "volumetric"],
+        kinds=["uniaxial"],
+        parameters={"G": "80 kPa", "nu": 0.4999},
+    )
+    stretch, rng = np.linspace(1.02, 1.5, 40), np.random.default_rng(3)
+    tests = []
+    for number, G in enumerate(moduli_kPa):
+        curves = [
+            1e-3 * G * (stretch - stretch**-2) * (1 + 0.01 * rng.standard_normal())
+            + 1e-4 * rng.standard_normal(40)
+            for _ in range(specimens)
+        ]
+        made = tuple(Repetition(stretch, y, name=f"{number}{k}") for k, y in enumerate(curves))
+        tests.append(Experiment(f"strip {number}", "uniaxial", made))
+    return Campaign("strips", base, tuple(tests), plan=FitPlan(free=("G",)))
+
+
+def test_an_interval_holds_what_tests_contradict_each_other_about():
+    """Each test is as sure of its own modulus as those that agree."""
+    (alike,), (apart,) = fit(strips(90, 90, 90)).estimates, fit(strips(80, 90, 100)).estimates
+    assert alike.low < 0.090 < alike.high and alike.high - alike.low < 0.006
+    assert apart.low < 0.080 and 0.100 < apart.high < 0.150
+
+
+def test_what_it_misses_is_what_is_drawn():
+    """In words the largest residual of a fitted curve; χ² would be in units of the misfit."""
+    _, made = stretching(plan=FitPlan(free=("G",), fixed=("inv_J_m",)))
+    found = fit(replace(made, base=moved(made.base, inv_J_m=0.01)))
+    worst = max(c.relative_rmse for c in found.compared)
+    assert worst > 0.03 and f"{100 * worst:.1f} %" in "".join(report(found).sentences)
+    assert "chi2" not in summary(found)
 
 
 def test_without_noise_it_is_exact():

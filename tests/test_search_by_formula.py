@@ -10,13 +10,14 @@ from runs_by_formula import Counted, run_case
 from benchmarks.blind import Answer, judge
 from benchmarks.blind_campaigns import Planned, make
 from cutbench.calibration.cut_runs import CutRuns
+from cutbench.calibration.settings import SETTINGS
 from cutbench.data.campaign import load_campaign
 from cutbench.discovery import discover
 from cutbench.discovery.report import to_dict, write_discovery
 from cutbench.run.pool.pool import TaskPool
 
-#: Runs that a search may take: at four seconds each, seven and a half minutes of two cores.
-MOST = 220
+#: Runs that a search may take: those of its budget, of the last models, and of tests that are predicted.
+MOST = SETTINGS.search_runs + 30
 
 
 def campaign_of(effect, folder, specimens=3):

@@ -35,6 +35,8 @@ from cutbench.data.measures import MeasuredCut
 PLACES, STARTS = 64, 3
 #: So often at most cuts are computed at the best place where a place is near already.
 MAX_ROUNDS_NEARBY = 3
+#: As many rounds as most fits take, for the time that is left.
+USUAL_ROUNDS = 3
 #: A place that moves by less than this part of all standard deviations stays where it is.
 STATIONARY = 0.3
 #: Half of the sides of a box about a place that other tests, or another model's fit, say: so many standard
@@ -110,7 +112,7 @@ def successive_estimates(
         )
         return
     runs, count = posterior.predictions.runs, SETTINGS.first + SETTINGS.each * q.size
-    progress = _Progress(runs, on_progress, count + len(cuts) * (2 + 4 * refine))
+    progress = _Progress(runs, on_progress, count + len(cuts) * (USUAL_ROUNDS + 4 * refine))
     best: Estimated | None = None
     if start is None:
         q, low, high = _search_box(posterior, q)
@@ -124,9 +126,15 @@ def successive_estimates(
         found, reach = _best_maximum(posterior, best_places(posterior, q, low, high)), (high - low) / 4
     else:
         found, reach = estimate_by_emulator(posterior, q), _search_radius(posterior, q)
-    settled = False
-    for _ in range(rounds or (SETTINGS.rounds if start is None else MAX_ROUNDS_NEARBY)):
-        progress.text, progress.left = worst_misfit(best or found), len(cuts) * (2 + 4 * refine)
+    # A fit leaves room for the finer cuts that end it, and for those at the place that these lead to.
+    settled, last = False, SETTINGS.budget(SETTINGS.search_runs, len(cuts))
+    if start is None:
+        last = SETTINGS.budget(SETTINGS.fit_runs, len(cuts)) - 3 * len(cuts)
+    for number in range(rounds or (SETTINGS.rounds if start is None else MAX_ROUNDS_NEARBY)):
+        if best is not None and runs.count + len(cuts) > last:
+            break
+        still_to_come = max(USUAL_ROUNDS - number, 1) + 4 * refine  # a finer cut takes as long as some others
+        progress.text, progress.left = worst_misfit(best or found), len(cuts) * still_to_come
         _compute_cuts(posterior, cuts, [found.q] * len(cuts))
         there = _evaluated_at(posterior, found.q)
         worse = best is not None and there.log_posterior <= best.log_posterior

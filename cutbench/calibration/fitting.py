@@ -32,7 +32,12 @@ from cutbench.calibration.posterior import Estimated, Posterior
 from cutbench.calibration.prediction import Predictions
 from cutbench.case.case import Case
 from cutbench.data.campaign import Campaign, cut_case
-from cutbench.data.covariance import degrees_of_freedom, discrepancy_mean
+from cutbench.data.covariance import (
+    DISCREPANCY_LENGTH,
+    Discrepancies,
+    degrees_of_freedom,
+    discrepancy_mean,
+)
 from cutbench.data.experiment import Experiment
 from cutbench.data.fields import laid_out
 from cutbench.data.measures import MeasuredCut
@@ -46,6 +51,8 @@ GRID = 40
 REGIMES = ("indentation", "onset", "transition", "steady")
 #: A model that misses more than this part of a curve's maximum is far from the data.
 FAR = 0.05
+#: Of a test's course, over which what a model misses may be correlated; the first is that of its likelihood.
+CORRELATION_LENGTHS = tuple(DISCREPANCY_LENGTH * 2**k for k in range(5))
 #: Of intervals, and how far in q a parameter has moved that is not where it began.
 LEVEL, UNMOVED = 0.95, 1e-6
 #: How a fit ends.
@@ -129,6 +136,11 @@ class ComparedCurve:
     def rmse(self) -> float:
         """Its root mean square."""
         return _rms(self.residual)
+
+    @property
+    def relative_rmse(self) -> float:
+        """That as a part of the largest value: what is drawn between both."""
+        return self.rmse / float(np.abs(self.mean).max())
 
     def regimes(self) -> dict[str, np.ndarray]:
         """Which grid values (m,) lie in which regime of a cut, by the onset that was computed.
@@ -283,12 +295,13 @@ class Fit(Displayed):
     @property
     def far(self) -> str:
         """A sentence that no parameters bring the model near the data; empty where some do or may."""
-        off, id = max(((c.misfit, c.experiment.id) for c in self.compared), default=(0.0, ""))
-        if off <= FAR or not self.done:
+        worst = max(self.compared, key=lambda c: c.misfit, default=None)
+        if worst is None or worst.misfit <= FAR or not self.done:
             return ""
         return (
-            f"No parameters that were tried bring this model near the data: it misses {100 * off:.0f} % of"
-            f" the maximum of '{id}' (root mean square). Estimates are those of a wrong model."
+            "No parameters that were tried bring this model near the data: it misses"
+            f" {100 * worst.relative_rmse:.0f} % of the maximum of '{worst.experiment.id}' (root mean"
+            " square). Estimates are those of a wrong model."
         )
 
     def estimate(self, label: str) -> Estimate:
@@ -507,8 +520,11 @@ class Fitting:
             moved = self.best is not None and bool(np.any(np.abs(self.best.q) > UNMOVED))
             reached = "the best that is known" if moved else "the start's, nothing is fitted"
             return f"{self.status} before a maximum, cuts computed: {self.runs.count}; values are {reached}"
-        off, id = max(((c.misfit, c.experiment.id) for c in compared), default=(0.0, ""))
-        return self.status + (f", at a misfit of {100 * off:.0f} % of the maximum in '{id}'" * (off > FAR))
+        worst = max(compared, key=lambda c: c.misfit, default=None)
+        if worst is None or worst.misfit <= FAR:
+            return self.status
+        part = f"{100 * worst.relative_rmse:.0f} % of the maximum in '{worst.experiment.id}'"
+        return f"{self.status}, at a misfit of {part}"
 
 
 def _estimates(
@@ -522,8 +538,8 @@ def _estimates(
             for u, x, moves in zip(posterior.parameters, q, (np.abs(q) > UNMOVED).tolist(), strict=True)
         ]
         return np.full((k, k), np.nan), tuple(nan)
-    covariance, found, inside = best.covariance, [], posterior.inside(q)
-    dof, (low, _) = _degrees_of_freedom(best), posterior.bounds
+    covariance, dof = _sampling_covariance(best)
+    found, inside, (low, _) = [], posterior.inside(q), posterior.bounds
     for i, u in enumerate(posterior.parameters):
         sd = float(np.sqrt(covariance[i, i]))
         reach = float(stats.t.ppf((1 + LEVEL) / 2, dof[i])) * sd
@@ -531,6 +547,36 @@ def _estimates(
         spread = down, u.value(q[i] + reach), sd * u.slope(q[i]), float(dof[i])
         found.append(Estimate(u, u.value(q[i]), *spread, not bool(inside[i]), bool(abs(q[i]) > UNMOVED)))
     return covariance, tuple(found)
+
+
+def _sampling_covariance(best: Estimated) -> tuple[np.ndarray, np.ndarray]:
+    """Covariance (k, k) of the estimates, with degrees of freedom (k,), where the model is wrong (sandwich).
+
+    The estimates weigh readings as if what the model misses were correlated over a short way. Here it is as
+    correlated as it is likeliest; and what tests contradict each other more than their covariance has it, as
+    a cause that a model lacks makes them, is a scatter between them (DerSimonian & Laird 1986,
+    10.1016/0197-2456(86)90046-2; the expectation is that of Bell & McCaffrey 2002).
+    """
+    V, dof, w = best.covariance, _degrees_of_freedom(best), best.w
+    noise_alone = best.posterior.noise(best.at)
+    total, between, expected = V.copy(), np.zeros(len(V)), np.zeros(len(V))
+    for id, block in w.tests.items():
+        residual, J = best.at.residual[id], best.at.J[id]
+        gain = np.linalg.solve(block.total, J @ V).T
+        noise = noise_alone.tests[id]
+        tried = [Discrepancies(noise, w.grids[id], length) for length in CORRELATION_LENGTHS]
+        likely = max(tried, key=lambda d: d.likelihood(residual[:, None])[0])
+        if likely is not tried[0] and np.any(block.discrepancy):
+            size = likely.tried[likely.gains(residual[:, None])[:, 0].argmax()]
+            total += gain @ (likely.covariance(size) - block.discrepancy) @ gain.T
+        H = gain @ J
+        between += (gain @ residual) ** 2
+        expected += np.diag(H @ V - 2 * H @ H @ V + H @ V @ H.T)
+    n, known = len(w.tests), np.diag(total)
+    more = np.maximum(between - expected, 0.0) * n / max(n - 1, 1)
+    stretch = np.sqrt(1 + more / known)
+    dof = (known + more) ** 2 / (known**2 / dof + more**2 / max(n - 1, 1))
+    return total * np.outer(stretch, stretch), np.maximum(dof, 1.0)
 
 
 def _degrees_of_freedom(best: Estimated) -> np.ndarray:
@@ -629,7 +675,7 @@ def _at_bounds(
         if e.at_bound:
             held.append(f"{e.label} ({bounds})")
     if held and compared:
-        part, id = max((c.rmse / float(np.abs(c.mean).max()), c.experiment.id) for c in compared)
+        part, id = max((c.relative_rmse, c.experiment.id) for c in compared)
         notes.append(
             f"Held by its bounds: {', '.join(held)}. There the fit misses '{id}' by {100 * part:.1f} % of"
             " its maximum (root mean square)."

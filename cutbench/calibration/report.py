@@ -40,13 +40,16 @@ def by_regime(c: ComparedCurve) -> dict[str, dict[str, float]]:
 
 def report(fit: Fit) -> Report:
     """All that a fit says to a person."""
-    k, worst = len(fit.estimates), max((c.misfit for c in fit.compared), default=0.0)
-    amiss = fit.done and not fit.far and (fit.reduced_chi2 > 2 or worst > AMISS)
+    k, curves = len(fit.estimates), [c for c in fit.compared if c.experiment.role == "train"]
+    wrong = fit.done and (fit.reduced_chi2 > 2 or max((c.misfit for c in curves), default=0.0) > AMISS)
+    worst = max((c.relative_rmse for c in curves if c.experiment.curve), default=0.0)
     pairs = [(a, b, f"{value:+.2f}") for a, b, value in _pairs(fit)]
     head = "parameters (95 % intervals)" if fit.done else "parameters, not estimated"
+    # Beside a model that misses them, the square of readings in units of what it misses says nothing.
+    chi2 = "" if wrong or not fit.done else f" chi2 = {fit.chi2:.4g}, reduced {fit.reduced_chi2:.3g},"
     values = (
-        f"{fit.readings} values, {k} parameter{'s' * (k != 1)}, chi2 = {fit.chi2:.4g},"
-        f" reduced {fit.reduced_chi2:.3g}, {fit.runs} cuts computed, {fit.seconds:.0f} s"
+        f"{fit.readings} values, {k} parameter{'s' * (k != 1)},{chi2} {fit.runs} cuts computed,"
+        f" {fit.seconds:.0f} s"
     )
     misses = (
         "The model does not describe the data to within their noise: it misses up to"
@@ -55,7 +58,7 @@ def report(fit: Fit) -> Report:
     return Report(
         fit.campaign.title,
         [("model", fit.case.model.described), ("status", fit.message or fit.status), ("compared", values)],
-        (fit.far, misses if amiss else ""),
+        (fit.far, misses if wrong and not fit.far else ""),
         (
             Chapter(head, [_parameters(fit)], brief=True),
             Chapter(f"correlations above {SHOWN:g}", [Table(("of", "and", "is"), pairs)]),
@@ -90,9 +93,8 @@ def _role(c: ComparedCurve) -> str:
 def _experiments(fit: Fit) -> Table:
     rows = []
     for c in (c for c in fit.compared if c.experiment.curve):
-        part = c.rmse / float(np.abs(c.mean).max())
         beyond = f"{100 * c.misfit:.1f} % that the model cannot describe" if c.misfit else ""
-        off = f"{c.rmse:.3g} {c.experiment.y_unit}", f"{100 * part:.1f} % of the maximum"
+        off = f"{c.rmse:.3g} {c.experiment.y_unit}", f"{100 * c.relative_rmse:.1f} % of the maximum"
         rows.append((c.experiment.id, f"{c.experiment.kind}, {_role(c)}", *off, beyond))
     return Table(("experiment", "kind", "root mean square residual", "", ""), rows)
 
@@ -230,7 +232,7 @@ def _experiment(c: ComparedCurve) -> dict:
         "x_unit": e.x_unit,
         "y_unit": e.y_unit,
         "rmse": c.rmse,
-        "rmse_of_maximum": c.rmse / float(np.abs(c.mean).max()),
+        "rmse_of_maximum": c.relative_rmse,
         "discrepancy_of_maximum": c.misfit if c.discrepancy is not None else None,
         "contact": {
             r.name: picked(r.contact, "at", "sd", "force", "force_sd", "unit", "taken_off")

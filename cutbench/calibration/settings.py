@@ -29,6 +29,9 @@ class Settings:
     hopeless : float
         A run that takes so many times the median effort of its search is given up: it holds up the others for
         longer than what it tells is worth.
+    fit_runs, search_runs : int
+        Cuts that a fit, and a whole search for causes, compute at most where three tests are cuts or fewer,
+        but for those that end it.
     gained : float
         The best place is found when the log posterior grows by less from there: less than one of two models
         must be likelier to be told.
@@ -55,7 +58,9 @@ class Settings:
     first: int = 6
     each: int = 2
     rounds: int = 8
-    hopeless: float = 10.0
+    hopeless: float = 5.0
+    fit_runs: int = 60
+    search_runs: int = 120
     gained: float = 0.5
     chance: float = 0.005
     undecided: float = 3.0
@@ -64,6 +69,10 @@ class Settings:
     tried: int = 6
     computed: int = 3
     most: int = 4
+
+    def budget(self, runs: int, cuts: int) -> float:
+        """``runs`` of three cuts or fewer, and in proportion of more."""
+        return runs * max(cuts, 3) / 3
 
 
 SETTINGS = Settings()

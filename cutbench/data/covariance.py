@@ -386,14 +386,14 @@ RELATIVE_SIZES = np.append(0.0, np.geomspace(1e-3, 1.0, 37))
 
 
 class Discrepancies:
-    """All sizes that are tried for one test. ``block``: its noise alone; ``grid``: its readings. Measures
-    that are known each by itself have none."""
+    """All sizes that are tried for one test. ``block``: its noise alone; ``grid``: its readings; ``length``:
+    over which it is correlated. Measures that are known each by itself have none."""
 
-    def __init__(self, block: Block, grid: Averaged):
+    def __init__(self, block: Block, grid: Averaged, length: float = DISCREPANCY_LENGTH):
         self.scale, course = float(np.abs(grid.mean).max()), grid.course
         self.tried = RELATIVE_SIZES[:1] if grid.independent else RELATIVE_SIZES
         self.L = cholesky(block.noise, lower=True)
-        self.correlation = matern(np.abs(course[:, None] - course), DISCREPANCY_LENGTH)
+        self.correlation = matern(np.abs(course[:, None] - course), length)
         half = solve_triangular(self.L, self.correlation, lower=True)
         values, self.vectors = np.linalg.eigh(solve_triangular(self.L, half.T, lower=True))
         #: (sizes, m): what a size makes of the variances along ``vectors``.

@@ -59,6 +59,8 @@ class ComparedModel:
         Whether the model without it misses more, as a whole, than chance makes, or is known from runs.
     computed : bool
         Whether cuts were computed at its place; else the emulator alone speaks for it.
+    evidence_sd : float
+        Standard deviation of the evidence by what the emulator and the mesh leave open.
     """
 
     candidate: Candidate
@@ -69,6 +71,7 @@ class ComparedModel:
     held_out: HeldOut
     significant: bool
     computed: bool = True
+    evidence_sd: float = 0.0
 
     @property
     def name(self) -> str:
@@ -80,7 +83,7 @@ class ComparedModel:
         """Why it may not be named; nothing where it may."""
         found = []
         if not self.computed:
-            found.append("cuts were computed for others that promise more")
+            found.append("no cuts were computed where it is likeliest")
         if self.p >= SETTINGS.chance:
             found.append(f"chance alone gains as much in {100 * self.p:.2g} % of such data")
         if self.evidence <= 0:
@@ -89,6 +92,10 @@ class ComparedModel:
             found.append(f"it explains {100 * max(self.explained_variance, 0):.0f} % of what is missed")
         if not self.held_out.better:
             found.append("it predicts what was not fitted no better")
+        posterior, names = self.fitted.posterior, [q.name for q in self.candidate.parameters]
+        pairs = zip(posterior.parameters, posterior.inside(self.fitted.q), strict=True)
+        if held := [u.name for u, inside in pairs if u.name in names and not inside]:
+            found.append(f"a bound holds {' and '.join(held)}")
         return tuple(found)
 
     @property
@@ -129,7 +136,10 @@ class ComparisonRound:
         if not good:
             return ()
         first = good[0]
-        alike = [c for c in good if first.evidence - c.evidence <= SETTINGS.undecided]
+        alike = [
+            c for c in good
+            if first.evidence - c.evidence <= SETTINGS.undecided + _evidence_sd(c.fitted, first.fitted)
+        ]  # fmt: skip
         # What the fitted tests cannot tell apart, those that were not fitted may.
         by_tests = all(c.held_out.how == TESTS and c.held_out.tells for c in alike)
         return tuple(
@@ -216,6 +226,8 @@ def comparisons(
         null = best.fitted
         yield Comparison(tuple(steps), tuple(found), null)
     found, null = _backward_elimination(baseline, found, null, on_progress)
+    if len(found) > 1 and (single := _single_cause(steps[0], null)) is not None:
+        found, null = [FoundCause(single, steps[0])], single.fitted
     yield Comparison(tuple(steps), tuple(found), null)
 
 
@@ -311,7 +323,10 @@ def _with_computed_cuts(
 ) -> list[ComparedModel]:
     """The best of them with cuts computed at their best places: while one that was not may be the best."""
     open_, done = [c for c in compared if _attainable_evidence(c) > 0], list[ComparedModel]()
+    last = SETTINGS.budget(SETTINGS.search_runs, len(null.posterior.tests_with_runs))
     for c in sorted(open_, key=_attainable_evidence, reverse=True)[: SETTINGS.computed]:
+        if null.posterior.predictions.runs.count >= last:
+            break
         if max((d.evidence for d in done), default=-math.inf) > _attainable_evidence(c) + SETTINGS.undecided:
             break
         on_progress(math.nan, math.nan, f"computing cuts of the model with {c.name}")
@@ -359,7 +374,20 @@ def _compared_with_null(
     evidence = float(fitted.log_evidence - null.log_evidence)
     # Runs jag: of what they leave, a part must be explained even where chance could make it.
     significant = scores.p_residual < SETTINGS.chance or bool(null.posterior.tests_with_runs)
-    return ComparedModel(candidate, fitted, evidence, p, share, held_out(null, fitted), significant)
+    told = held_out(null, fitted)
+    return ComparedModel(
+        candidate, fitted, evidence, p, share, told, significant, evidence_sd=_evidence_sd(fitted, null)
+    )
+
+
+def _evidence_sd(one: Estimated, other: Estimated) -> float:
+    """Standard deviation of the difference of two models' evidences by errors of their predictions: an error
+    e changes the logarithm of a likelihood by rᵀC⁻¹e, and much of it is common to both."""
+    variance = 0.0
+    for id, error in one.at.error.items():
+        pulls = [np.linalg.solve(m.w.tests[id].total, m.at.residual[id]) for m in (one, other)]
+        variance += float((pulls[0] - pulls[1]) @ error @ (pulls[0] - pulls[1]))
+    return math.sqrt(variance)
 
 
 def squared_discrepancy(fitted: Estimated) -> float:
@@ -488,12 +516,20 @@ def _strength_scales(s: Score, null: Estimated) -> list[float]:
     return found
 
 
+def _single_cause(first: ComparisonRound, last: Estimated) -> ComparedModel | None:
+    """The one error of the reading or cause in the rig that does what several causes were found for."""
+    outside = [c for c in first.compared if c.candidate.cause in ("reading", "rig") and c.convincing]
+    best = max(outside, key=lambda c: c.fitted.log_evidence, default=None)
+    enough = best is not None and best.fitted.log_evidence > last.log_evidence - SETTINGS.undecided
+    return best if enough else None
+
+
 def _backward_elimination(
     baseline: Estimated, found: list[FoundCause], last: Estimated, on_progress: OnProgress
 ) -> tuple[list[FoundCause], Estimated]:
-    """Take out causes, the first ones, that the others do without (backward elimination)."""
+    """Take out causes that the others do without (backward elimination)."""
     kept = list(found)
-    for each in found[:-1]:
+    for each in found if len(found) > 1 else ():
         on_progress(math.nan, math.nan, f"the model without {each.name}")
         rest, fitted = [f for f in kept if f is not each], baseline
         for f in rest:

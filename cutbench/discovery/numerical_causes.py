@@ -7,6 +7,7 @@ it leaves open (``cutbench.calibration.mesh_error``); what is scored here is wha
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -39,15 +40,21 @@ class NumericalCauses:
         Of each choice, the best first.
     shares : mapping
         By name, the part of what the baseline misses that it would explain.
+    evidence : mapping
+        By name, the logarithm of the ratio of marginal likelihoods, as of a candidate.
     explains : str or None
-        Name of one that explains as much as any candidate that convinces.
+        Name of one that has more evidence than any candidate that convinces.
+    alike : str or None
+        Name of one that the evidence cannot tell from that candidate.
     missing : mapping
         What could not be computed, and why.
     """
 
     scores: tuple[Score, ...] = ()
     shares: Mapping[str, float] = field(default_factory=dict)
+    evidence: Mapping[str, float] = field(default_factory=dict)
     explains: str | None = None
+    alike: str | None = None
     missing: Mapping[str, str] = field(default_factory=dict)
 
 
@@ -65,10 +72,23 @@ def numerical_causes(step: ComparisonRound, seed: int) -> NumericalCauses:
         s.name: max(1 - _remaining_square(null, sensed, s) / squared_discrepancy(null), 0.0)
         for s in scores.scores
     }
-    best = scores.scores[0]
-    rival = max((2 * (c.fitted.log_likelihood - null.log_likelihood) for c in step.group), default=0.0)
-    enough = best.p < SETTINGS.chance and shares[best.name] >= SETTINGS.share and best.gain >= rival
-    return NumericalCauses(tuple(scores.scores), shares, best.name if enough else None, missing)
+    evidence = {s.name: _evidence(s) for s in scores.scores}
+    good = [s.name for s in scores.scores if s.p < SETTINGS.chance and shares[s.name] >= SETTINGS.share]
+    best = max(good, key=lambda name: evidence[name], default=None)
+    explains = alike = None
+    if best is not None and evidence[best] > 0:
+        ahead = evidence[best] - max((c.evidence for c in step.group), default=-math.inf)
+        explains = best if ahead > SETTINGS.undecided else None
+        alike = best if abs(ahead) <= SETTINGS.undecided else None
+    return NumericalCauses(tuple(scores.scores), shares, evidence, explains, alike, missing)
+
+
+def _evidence(s: Score) -> float:
+    """Logarithm of the ratio of marginal likelihoods of the model that takes a share of the change: normal
+    beforehand about none, with all of it as standard deviation."""
+    (share,) = s.strengths
+    steep = float(s.direction @ s.direction) / share**2 if share else 0.0
+    return 0.5 * (s.gain * steep / (1 + steep) - math.log1p(steep))
 
 
 def _numerical_sensitivities(null: Estimated) -> tuple[list[CandidateSensitivity], dict[str, str]]:

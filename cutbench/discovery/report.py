@@ -72,7 +72,7 @@ def _answer(d: Discovery) -> str:
     if d.verdict == "none":
         return "The baseline describes the tests to within their scatter: nothing needs to be added."
     if not d.steps:
-        return f"The baseline is not fitted to its end ({d.stopped}): no cause was looked for."
+        return f"The baseline is not fitted to its end ({d.stopped}): no cause was looked for.{_so_far(d)}"
     place = f"'{d.wrong[0].experiment.id}', {place_of(d.wrong[0])}"
     if d.numerics.explains:
         return (
@@ -85,7 +85,7 @@ def _answer(d: Discovery) -> str:
         reasons = "; ".join(": ".join(each) for each in why.items())
         return (
             f"The baseline is wrong beyond the scatter (most in {place}). The cause is undecided, since"
-            f" candidates could not be tried: {reasons or 'there were none'}."
+            f" candidates could not be tried: {reasons or 'there were none'}.{_so_far(d)}"
         )
     if d.verdict == "unexplained":
         best = [f" Nearest came {cause_title(c.name)}: {'; '.join(c.doubts)}." for c in d.steps[0].compared]
@@ -106,14 +106,28 @@ def _answer(d: Discovery) -> str:
     return " ".join(words)
 
 
+def _so_far(d: Discovery) -> str:
+    """What is known of a search that was stopped: the best of its cuts, and what was compared."""
+    known = [c for c in d.fit.compared if c.experiment.role == "train"] if d.stopped and not d.steps else []
+    worst = max(known, key=lambda c: c.relative_rmse, default=None)
+    if worst is not None:
+        missed = f"{100 * worst.relative_rmse:.0f} % of the maximum of '{worst.experiment.id}'"
+        return f" The best of {d.fit.runs} cuts misses {missed}."
+    last = d.steps[-1].compared[:4] if d.steps else ()
+    how = {True: "", False: " by the emulator alone"}
+    tried = [f"{cause_title(c.name)} (log evidence {_evidence(c)}{how[c.computed]})" for c in last]
+    return f" Compared until then: {', '.join(tried)}." if d.stopped and tried else ""
+
+
 def _confounded_with(d: Discovery) -> str:
     """What the data cannot tell from the first cause, of other classes."""
     first = d.found[0]
-    others = [n for n in first.group if family_of(n) != family_of(first.name) and n not in d.names]
+    names = [n for n in first.group if family_of(n) != family_of(first.name) and n not in d.names]
+    others = [*(cause_title(n) for n in names), *([d.numerics.alike] if d.numerics.alike else [])]
     if not others:
         return ""
     it = cause_title(first.name) if len(d.found) > 1 else "it"
-    return f"; these data cannot tell {it} from {' or '.join(cause_title(n) for n in others)}"
+    return f"; these data cannot tell {it} from {' or '.join(others)}"
 
 
 def misfits(fitted: Estimated) -> dict[str, float]:
@@ -235,12 +249,16 @@ def _candidates(d: Discovery, number: int, step: ComparisonRound) -> Table:
         doubts, fitted = "", [""] * 4
         if c is not None:
             values = ", ".join(f"{q.symbol} = {_shown(q, v)}" for q, v, _ in estimates(c))
-            fitted = [f"{c.evidence:+.1f}", f"{100 * c.explained_variance:.0f} %", c.held_out.percent, values]
+            fitted = [_evidence(c), f"{100 * c.explained_variance:.0f} %", c.held_out.percent, values]
             doubts = "; ".join(c.doubts)
         said = "added" if s.name in d.names else "not told apart" if s.name in alike else doubts
         rows.append((cause_title(s.name), f"{s.z:.1f}", *fitted, said))
     title = f"round {number}" if len(d.steps) > 1 else ""
     return Table(heads, rows, title, none="No candidate was tried.", most=10)
+
+
+def _evidence(c: ComparedModel) -> str:
+    return f"{c.evidence:+.1f}" + (f" ± {c.evidence_sd:.1f}" if c.evidence_sd > 0 else "")
 
 
 def _numerical(d: Discovery) -> Table:
@@ -249,12 +267,13 @@ def _numerical(d: Discovery) -> Table:
         (
             f"{s.name} ({s.sensitivity.candidate.title})",
             f"{s.z:.1f}",
+            f"{d.numerics.evidence[s.name]:+.1f}",
             f"{100 * max(d.numerics.shares[s.name], 0):.0f} %",
         )
         for s in d.numerics.scores
     ]
     none = "Not asked: the baseline does not fail." if mesh else "These tests are computed without a mesh."
-    return Table(("cause", "z", "would explain"), rows, none=none)
+    return Table(("cause", "z", "log evidence", "would explain"), rows, none=none)
 
 
 def _remains(d: Discovery) -> list[str | Table]:
@@ -399,7 +418,7 @@ def to_dict(d: Discovery) -> dict:
         ],
         "numerical": [
             {"cause": s.name, "what": s.sensitivity.candidate.title, "score_z": s.z,
-             "explains": d.numerics.shares[s.name]}
+             "log_evidence": d.numerics.evidence[s.name], "explains": d.numerics.shares[s.name]}
             for s in d.numerics.scores
         ],
         "numerical_not_computed": dict(d.numerics.missing),
@@ -425,7 +444,8 @@ def _cause(f: FoundCause) -> dict:
     c = f.compared
     return {
         "name": f.name, "title": c.candidate.title, "kind": c.candidate.cause, "class": family_of(f.name),
-        "log_evidence": c.evidence, "explains": c.explained_variance, "gain": picked(c.held_out, *GAIN),
+        "log_evidence": c.evidence, "log_evidence_sd": c.evidence_sd,
+        "explains": c.explained_variance, "gain": picked(c.held_out, *GAIN),
     }  # fmt: skip
 
 

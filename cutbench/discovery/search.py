@@ -163,6 +163,7 @@ class _SearchState:
     proposed: list[Proposal] = field(default_factory=list)
     next_experiment: str = ""
     stopped: str = ""
+    doing: str = ""
 
 
 @watched("")
@@ -235,20 +236,24 @@ def discover(
     began, due, campaign = time.perf_counter(), time.monotonic() + limit_s, baseline_of(campaign)
     known = _SearchState()
 
+    def told(done: float, total: float, text: str) -> None:
+        known.doing = text
+        on_progress(done, total, text)
+
     def stage(fit: Fit) -> None:
         if on_stage is not None:
             so_far = replace(known, stopped=UNDER_WAY)
             on_stage(_result(campaign, fit, so_far, time.perf_counter() - began, seed))
 
     with runs_for(campaign, workers, store, limit_s, runs) as ready:
-        fitting = Fitting(campaign, ready, free_parameters(campaign), on_progress, refine, on_stage and stage)
+        fitting = Fitting(campaign, ready, free_parameters(campaign), told, refine, on_stage and stage)
         check = ready.check
         fitting.go(due)
         fit = fitting.result()
         ready.check = check
         try:
             if fit.done and fit.estimated is not None:
-                _search(fit.estimated, known, seed, on_progress, partial(stage, fit))
+                _search(fit.estimated, known, seed, told, partial(stage, fit))
         except KeyboardInterrupt:
             known.stopped = LATE if time.monotonic() >= due else INTERRUPTED
         ready.check = ALWAYS  # what is known can be asked
@@ -336,7 +341,8 @@ def _verdict(steps: tuple[ComparisonRound, ...], found: tuple[FoundCause, ...], 
 
 def _next_test_text(verdict: str, known: _SearchState) -> str:
     if known.stopped:
-        return f"Not asked: {known.stopped}."
+        goes_on = f" It goes on, from the cuts that it has, with {known.doing}." if known.doing else ""
+        return f"Not asked: {known.stopped}.{goes_on}"
     return {
         "none": "None is needed: the model describes the tests to within their scatter.",
         "mechanism": "None is needed to tell the candidates apart: these tests do.",
