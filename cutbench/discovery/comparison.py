@@ -92,10 +92,6 @@ class ComparedModel:
             found.append(f"it explains {100 * max(self.explained_variance, 0):.0f} % of what is missed")
         if not self.held_out.better:
             found.append("it predicts what was not fitted no better")
-        posterior, names = self.fitted.posterior, [q.name for q in self.candidate.parameters]
-        pairs = zip(posterior.parameters, posterior.inside(self.fitted.q), strict=True)
-        if held := [u.name for u, inside in pairs if u.name in names and not inside]:
-            found.append(f"a bound holds {' and '.join(held)}")
         return tuple(found)
 
     @property
@@ -226,8 +222,6 @@ def comparisons(
         null = best.fitted
         yield Comparison(tuple(steps), tuple(found), null)
     found, null = _backward_elimination(baseline, found, null, on_progress)
-    if len(found) > 1 and (single := _single_cause(steps[0], null)) is not None:
-        found, null = [FoundCause(single, steps[0])], single.fitted
     yield Comparison(tuple(steps), tuple(found), null)
 
 
@@ -514,14 +508,6 @@ def _strength_scales(s: Score, null: Estimated) -> list[float]:
         steep = max(parts, default=0.0)
         found.append(float(max(typical, 1 / (3 * steep)) if steep > 1e-3 / typical else typical))
     return found
-
-
-def _single_cause(first: ComparisonRound, last: Estimated) -> ComparedModel | None:
-    """The one error of the reading or cause in the rig that does what several causes were found for."""
-    outside = [c for c in first.compared if c.candidate.cause in ("reading", "rig") and c.convincing]
-    best = max(outside, key=lambda c: c.fitted.log_evidence, default=None)
-    enough = best is not None and best.fitted.log_evidence > last.log_evidence - SETTINGS.undecided
-    return best if enough else None
 
 
 def _backward_elimination(
