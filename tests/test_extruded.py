@@ -92,6 +92,12 @@ OPENS = {
 }  # fmt: skip
 
 
+def fibres(angle):
+    """Those changes that add fibres in the plane."""
+    law = {"g_f": 0.5, "fibre_angle": angle, "fibre_dispersion": 0.1}
+    return {**law, "with": [*OPENS["with"], "fibres"]}
+
+
 def section_of(changes, symmetry="half"):
     """The section that a block is drawn out of, with what a block's numerics differ in."""
     solid = defaults(3)
@@ -112,10 +118,19 @@ def forces(built, given=None):
     return travel, force * built.geometry.multiplicity, steps
 
 
-@pytest.mark.parametrize("symmetry", ["half", pytest.param("full", marks=pytest.mark.slow)])
-@pytest.mark.parametrize("layers", [1, pytest.param(2, marks=pytest.mark.slow)])
-def test_between_two_planes_of_symmetry_it_is_the_section_to_rounding(layers, symmetry):
-    tight = {**OPENS, "tolerance": 1e-11, "symmetry": symmetry}
+@pytest.mark.parametrize(
+    ("layers", "symmetry", "more"),
+    [
+        (1, "half", {}),
+        (1, "half", fibres("0 deg")),
+        *(
+            pytest.param(*each, marks=pytest.mark.slow)
+            for each in ((2, "half", {}), (1, "full", {}), (2, "full", {}), (1, "full", fibres("30 deg")))
+        ),
+    ],
+)
+def test_between_two_planes_of_symmetry_it_is_the_section_to_rounding(layers, symmetry, more):
+    tight = {**OPENS, "tolerance": 1e-11, "symmetry": symmetry, **more}
     travel, force, steps = forces(section_of(tight, symmetry))
     # As far as the force has fallen by a tenth.
     end = 1 + int(np.argmax((force < 0.9 * force.max()) & (travel > travel[force.argmax()])))

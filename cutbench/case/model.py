@@ -379,6 +379,21 @@ class Model:
         """
         return sum(law.shear_modulus(p) for law in self.all if isinstance(law, Bulk))
 
+    def mirrored(self, p: SimpleNamespace) -> tuple[bool, ...]:
+        """Find whether its bulk is the same where x, y or z is reversed.
+
+        Parameters
+        ----------
+        p : SimpleNamespace
+            The parameters by attribute, internal units.
+
+        Returns
+        -------
+        tuple of bool
+            Of x across the cut plane, y along the blade's way and z along its edge.
+        """
+        return tuple(map(all, zip(*(law.mirrored(p) for law in self.laws("bulk")), strict=True)))
+
     @property
     def tool(self) -> Tool | None:
         """The law by which the blade meets the specimen, None where there is none."""

@@ -236,6 +236,12 @@ def _misfits(
     if p.precut and not any(law.role == "cohesive" for law in model.laws("cut")):
         expected = "0 mm in a model without a cohesive law: its cut plane never opens"
         yield "precut", f"{p.precut:g} mm", expected
+    for axis, parts, expected in (
+        (0, ("quarter", "half"), "'full' or 'auto': the material's direction is oblique to the cut plane"),
+        (2, ("quarter",), "'half', 'full' or 'auto': the material's direction is oblique to the edge"),
+    ):
+        if numerics.symmetry in parts and not model.mirrored(p)[axis]:
+            yield "symmetry", numerics.symmetry, expected
     if model.tool is not None:
         yield from _misshapen(model.tool, p, numerics)
 

@@ -342,7 +342,10 @@ def start_case(
 def all_candidates(baseline: Model, kinds: Iterable[str]) -> tuple[str, ...]:
     """Every registered mechanism that is not in ``baseline`` and that tests of these ``kinds`` can show."""
     seen = {slot for kind in kinds for slot in SLOTS[kind]}
-    return tuple(n for n, m in registry().items() if n not in baseline.mechanisms and m.slot in seen)
+    return tuple(
+        n for n, m in registry().items()
+        if n not in baseline.mechanisms and m.slot in seen and not m.directed
+    )  # fmt: skip
 
 
 def load_campaign(path: str | Path) -> Campaign:
@@ -449,7 +452,8 @@ def _candidates(listed: str | tuple[str, ...], baseline: Model, kinds: Iterable[
     if listed in ("all", ("all",)):
         return all_candidates(baseline, kinds)
     for name in listed:
-        mechanism(name, key="candidates")
+        undirected = not mechanism(name, key="candidates").directed
+        require(undirected, "candidates", name, "one without a direction: tests do not say theirs")
         other = name not in baseline.mechanisms
         require(other, "candidates", name, "a mechanism that is not in the baseline")
         require(listed.count(name) == 1, "candidates", name, "each candidate once")

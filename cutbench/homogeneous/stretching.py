@@ -17,7 +17,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from cutbench.base.errors import ComputationFailed
+from cutbench.base.errors import ComputationFailed, require
 from cutbench.case.model import Model
 from cutbench.homogeneous.history import LoadingHistory
 from cutbench.homogeneous.march import March
@@ -68,12 +68,14 @@ def nominal_stress(
 ) -> np.ndarray:
     """P₁₁ (n, count) in MPa at each reading of ``history``; ``count`` is the length of array parameters.
 
-    Raises ComputationFailed where no lateral stretch balances.
+    Raises ComputationFailed where no lateral stretch balances, BadInput for a law with a direction that would
+    shear the sheet, or leave one free face with stress.
     """
     body = _Body(model, p, MODES[kind])
+    x = np.broadcast_to(history.x.reshape(history.x.shape[0], -1), (history.x.shape[0], count))
+    body.refuse_directions(kind, np.real(x))
     if not body.start(1):
         # Without memory the order does not matter.
-        x = np.broadcast_to(history.x.reshape(history.x.shape[0], -1), (history.x.shape[0], count))
         body = _Body(model, _at_every_reading(p, x.shape), body.mode)
         flat = x.ravel()
         found = body.advance(flat, np.log(flat.real) * body.mode.lateral, {}, 1.0)[0]
@@ -111,6 +113,21 @@ class _Body:
         for law in self.laws:
             state |= law.start(n, self.p)
         return state
+
+    def refuse_directions(self, kind: str, x: np.ndarray) -> None:
+        """Raise BadInput where at stretches x (n, count) a law asks for more than one free stretch."""
+        stretch, p = x.ravel(), _at_every_reading(self.real, x.shape)
+        for law in (law for law in self.laws if law.directed):
+            P, _ = law.stress(
+                self.mode.deformation(stretch, stretch**self.mode.lateral),
+                p,
+                law.start(stretch.size, p),
+                Points(dt=1.0),
+            )
+            uneven = P[1, 1] - P[2, 2] if self.mode.second is None else 0 * stretch
+            # But for rounding.
+            even = np.abs([*P[~np.eye(3, dtype=bool)], uneven]).max() <= 1e-9 * np.abs(P).max()
+            require(even, law.name, kind, "a direction along the pull, or with which nothing is sheared")
 
     def along(self, steps, state: dict[str, np.ndarray]) -> np.ndarray:
         """P₁₁ (n, count), step by step."""

@@ -101,6 +101,8 @@ class Mechanism:
     published: ClassVar[bool] = False
     #: Whether it is there for the march's sake alone: paths of equilibria leave it out.
     regularises: ClassVar[bool] = False
+    #: Whether its effect has a direction in the specimen, of which tests do not say how it was cut.
+    directed: ClassVar[bool] = False
     #: Words for it that set nothing, and what to write instead.
     meant: ClassVar[Mapping[str, str]] = {}
     #: What a person may set in place of the law's parameters, in case files, studies and options.
@@ -157,6 +159,10 @@ class Bulk(Mechanism):
         F = np.eye(3)[:, :, None].copy()
         F[0, 1] = 1e-6
         return self.stress(F, p, self.start(1, p), Points(laws=(self,), dt=1.0))[0][0, 1, 0] / 1e-6
+
+    def mirrored(self, p: Params) -> tuple[bool, bool, bool]:
+        """Whether it is the same where x, y or z is reversed; if not, a part does not stand for the whole."""
+        return True, True, True
 
     def stress(self, F: np.ndarray, p: Params, state: State, at: Points) -> tuple[np.ndarray, State]:
         """P (3, 3, N) in MPa and the new state, for F (3, 3, N) and the state at the step's start.

@@ -15,17 +15,19 @@ from cutbench.models3d.usermesh import read_mesh
 PARTS = {"quarter": 4.0, "half": 2.0, "full": 1.0}
 
 
-def part_of(values, numerics) -> str:
-    """Which part of a block with a built-in mesh is meshed: quarter, half or full."""
-    smallest = "half" if values.get("incline", 0.0) or values["slice_push"] else "quarter"
+def part_of(values, numerics, even: bool = True) -> str:
+    """Which part of a block with a built-in mesh is meshed: quarter, half or full.
+
+    ``even``: its material is alike towards both ends of the blade."""
+    smallest = "half" if values.get("incline", 0.0) or values["slice_push"] or not even else "quarter"
     smallest = "full" if values.get("tilt", 0.0) else smallest
     return smallest if numerics.symmetry == "auto" else numerics.symmetry
 
 
-def geometry(values, numerics, radius: float = np.inf) -> Geometry:
+def geometry(values, numerics, radius: float = np.inf, even: bool = True) -> Geometry:
     """The block of a case: ``values`` have its sizes and the blade's, mm. Raises BadInput for a bad mesh.
 
-    ``radius``: of the blade's edge, mm.
+    ``radius``: of the blade's edge, mm. ``even``: as ``part_of`` has it.
     """
     tilted = bool(values.get("tilt", 0.0))
     if numerics.mesh is not None:
@@ -33,8 +35,8 @@ def geometry(values, numerics, radius: float = np.inf) -> Geometry:
         if tilted and part != "full":
             expected = f"a full block with a tilted blade, not a {part}"
             raise BadInput(key="mesh", value=numerics.mesh, expected=expected)
-        if (values.get("incline", 0.0) or values["slice_push"]) and part == "quarter":
-            expected = "half a block, or a full one, with a blade that is inclined or slices"
+        if (values.get("incline", 0.0) or values["slice_push"] or not even) and part == "quarter":
+            expected = "half a block, or a full one, where blade or material is not alike towards both ends"
             raise BadInput(key="mesh", value=numerics.mesh, expected=expected)
         if part == "full":
             _check_pairs(mesh, numerics.mesh)
@@ -46,7 +48,7 @@ def geometry(values, numerics, radius: float = np.inf) -> Geometry:
     sizes = {"slender": numerics.slender, "reach": tuning.block_reach * thickness}
     sizes |= near_blade(numerics, thickness, radius)
     mesh = quarter(values["width"], values["height"], values["length"], h, h_z=h_z, **sizes)
-    return block(mesh, part_of(values, numerics))
+    return block(mesh, part_of(values, numerics, even))
 
 
 def _check_pairs(mesh: skfem.MeshTet, path: str) -> None:

@@ -71,18 +71,20 @@ def geometry_of(case: Case, **where) -> Geometry:
     """Mesh and names for the case's dimension; in 2D ``where`` says which elements are small."""
     tool, n = case.model.tool, case.numerics
     radius = np.inf if tool is None else tool.edge_radius(case.p)
-    if n.symmetry == "auto" and tool is not None and not tool.alike(case.p):
+    across, _, even = case.model.mirrored(case.p)
+    if n.symmetry == "auto" and not (across and (tool is None or tool.alike(case.p))):
         n = replace(n, symmetry="full")
     if case.dim == 2:
         section = section_geometry(case.values, n, radius, case.sizes.detail_mm, **where)
-        return replace(section, sheared=case.p.slice_push > 0)
+        # What has no mirror image along the blade moves there, too.
+        return replace(section, sheared=case.p.slice_push > 0 or not even)
     if not n.layers or n.mesh is not None:
-        return block_geometry(case.values, n, radius)
+        return block_geometry(case.values, n, radius, even)
     if n.element == "P2P1":
         raise BadInput(
             key="element", value="P2P1", expected="P2 or P1 where a section is drawn out in layers"
         )
-    part = part_of(case.values, n)
+    part = part_of(case.values, n, even)
     flat = replace(n, symmetry="full" if part == "full" else "half")
     # No cut is deeper than the blade.
     section = section_geometry(

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from cutbench.base.errors import BadInput
+from cutbench.base.errors import BadInput, require
 from cutbench.base.progress import OnProgress, silent
 from cutbench.base.units import Parameter
 from cutbench.case.case import Case
@@ -84,6 +84,12 @@ def strip_case(case: Case, changes: Mapping[str, object] | None = None, *, notch
     if case.numerics == defaults(3):
         asked = {"numerics": "tetrahedra", **asked}
     made = case.set(mechanisms=kept, **{"depth": asked["height"], "until": "depth", **asked})
+    require(
+        all(made.model.mirrored(made.p)[::2]),
+        "mechanisms",
+        ", ".join(kept),
+        "laws without a direction, or with one along or across the pull: a quarter of the strip is meshed",
+    )
     if not 0 <= notch_mm < made.p.width:
         raise BadInput(
             key="notch", value=f"{notch_mm:g} mm", expected=f"less than the width, {made.p.width:g} mm"

@@ -88,6 +88,18 @@ def is_frame_indifferent(t: Trial) -> None:
     close(tau, tau.transpose(1, 0, 2), 1e-13, what="Kirchhoff's stress P Fᵀ and its transpose")
 
 
+@check("bulk", applies=lambda law: law.conservative)
+def directions_are_told(t: Trial) -> None:
+    """Its energy knows a direction if and only if it is directed, and is mirrored as it says."""
+    F, here = deformations(), t.energy(deformations())
+    assert np.allclose(t.energy(times(F, rotations())), here, 1e-10, 1e-14) != t.law.directed, (
+        "'directed' says whether its energy has a direction"
+    )
+    for same, axis in zip(t.law.mirrored(t.numbers()), 1 - 2 * np.eye(3), strict=True):
+        image = t.energy(axis[:, None, None] * F * axis[:, None])
+        assert same == np.allclose(image, here, 1e-10, 1e-14), "mirrored() says what reversing an axis leaves"
+
+
 @check("bulk")
 def is_at_rest_undeformed(t: Trial) -> None:
     """No stress and no energy without deformation; energies of conservative laws are not negative."""

@@ -1,0 +1,138 @@
+"""Fibres: tension against closed forms, what a part of a specimen stands for, cuts across and along them."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from coarse_runs import QUICK
+from refusals import refused
+from scipy.optimize import minimize
+
+from cutbench.case.case import load_case
+from cutbench.case.model import Model
+from cutbench.data.campaign import all_candidates
+from cutbench.homogeneous import LoadingHistory, respond
+from cutbench.mechanisms import registry
+from cutbench.mechanisms.base import Points
+from cutbench.run.build import geometry_of
+from cutbench.run.runner import run_case
+from cutbench.run.tension import strip_case
+
+LAWS = (registry()["neo_hookean"], registry()["fibres"])
+SOFT = Model(("neo_hookean", "fibres"))
+STRETCH = np.linspace(0.6, 1.6, 11)
+FIBRES = QUICK.set(**{"with": ["fibres"], "g_f": 1.0})
+
+
+def numbers(angle=0.0, dispersion=0.0, incline=0.0):
+    turned = {"fibre_angle": np.radians(angle), "fibre_incline": np.radians(incline)}
+    return SimpleNamespace(G=0.02, g_f=1.5, k_2=0.8, fibre_dispersion=dispersion, **turned)
+
+
+def energy(x, s, m, angle, kappa):
+    """Of [[x, s, 0], [0, m, 0], [0, 0, 1/(x m)]], as printed, k₁ = 0.03 MPa."""
+    a, b = np.cos(np.radians(angle)), np.sin(np.radians(angle))
+    I1, I4 = x**2 + s**2 + m**2 + (x * m) ** -2, (x * a + s * b) ** 2 + (m * b) ** 2
+    E = max(kappa * (I1 - 3) + (1 - 3 * kappa) * (I4 - 1), 0)
+    return 0.01 * (I1 - 3) + 0.03 / 1.6 * np.expm1(0.8 * E**2)
+
+
+@pytest.mark.parametrize("kappa", [0.0, 0.15])
+@pytest.mark.parametrize("angle", [0.0, 45.0, 90.0])
+def test_tension_at_an_angle(angle, kappa):
+    """At constant volume a pulled sheet is narrowed and sheared until its energy is least; P is dΨ/dλ."""
+    p = numbers(angle, kappa)
+    for x in (0.8, 1.3, 1.5):
+        least = minimize(
+            lambda free, x=x: energy(x, *free, angle, kappa), [0.0, x**-0.5], method="Nelder-Mead",
+            options={"xatol": 1e-9, "fatol": 1e-18},
+        )  # fmt: skip
+        s, m = least.x
+        assert (abs(s) > 0.01) == (angle == 45.0 and x > 1)
+        F = np.array([[x, s, 0], [0, m, 0], [0, 0, 1 / (x * m)]])[:, :, None]
+        P = sum(law.stress(F, p, {}, Points())[0] for law in LAWS)[:, :, 0]
+        P = P - P[2, 2] * F[2, 2, 0] * np.linalg.inv(F[:, :, 0]).T
+        force = (energy(x + 1e-6, s, m, angle, kappa) - energy(x - 1e-6, s, m, angle, kappa)) / 2e-6
+        expected = np.zeros((3, 3))
+        expected[0, 0] = force
+        np.testing.assert_allclose(P, expected, rtol=0, atol=1e-6 * abs(force))
+
+
+@pytest.mark.parametrize("kappa", [0.0, 0.15, 1 / 3])
+def test_tension_along_the_fibres(kappa):
+    P = respond("uniaxial", LoadingHistory.along(STRETCH, rest=1.0), SOFT, numbers(0.0, kappa))
+    x, by_I1 = STRETCH, STRETCH - STRETCH**-2
+    E = np.maximum(kappa * (x**2 + 2 / x - 3) + (1 - 3 * kappa) * (x**2 - 1), 0)
+    slope = 0.03 * E * np.exp(0.8 * E**2) * (2 * kappa * by_I1 + (1 - 3 * kappa) * 2 * x)
+    np.testing.assert_allclose(P, 0.02 * by_I1 + slope, rtol=1e-12, atol=1e-15)
+
+
+def test_fibres_across_the_pull_carry_nothing_and_others_are_refused():
+    pull, press = (LoadingHistory.along(np.array([1.2, x]), rest=1.0) for x in (1.5, 0.8))
+    across = respond("uniaxial", pull, SOFT, numbers(90.0))
+    np.testing.assert_allclose(across, 0.02 * (pull.x - pull.x**-2), rtol=1e-12)
+    # Pressed it is as wide as thick no more; at other angles it is sheared.
+    for history, p in ((press, numbers(90.0)), (pull, numbers(45.0)), (pull, numbers(0.0, 0.1, 20.0))):
+        with refused("fibres", value="uniaxial"):
+            respond("uniaxial", history, SOFT, p)
+
+
+def test_beyond_its_reach_the_stress_goes_on_straight():
+    """Energy and stress have no seam there."""
+    p, law = numbers(), registry()["fibres"]
+    x = np.linspace(1.5, 3.0, 301)
+    F = np.zeros((3, 3, x.size))
+    F[0, 0], F[1, 1], F[2, 2] = x, x**-0.5, x**-0.5
+    P, W = law.stress(F, p, {}, Points())[0], law.energy(F, p, {}, Points())
+    along = P[0, 0] - P[2, 2] * x**-1.5
+    np.testing.assert_allclose(along[1:-1], (W[2:] - W[:-2]) / (x[2:] - x[:-2]), rtol=2e-3)
+
+
+# -- parts and wholes --------------------------------------------------------------------------------
+def test_what_is_oblique_takes_the_whole():
+    def geometry(dim, angle, incline):
+        turned = {"fibre_angle": f"{angle} deg", "fibre_incline": f"{incline} deg"}
+        small = {"width": "8 mm", "length": "8 mm", "height": "8 mm", "depth": "1 mm", "h": 3.0}
+        return geometry_of(load_case("gelatin", {**turned, **small, "with": "fibres", "g_f": 1.0}, dim=dim))
+
+    images = {(0, 0): 4, (90, 0): 4, (0, 90): 4, (90, 30): 2, (30, 0): 1, (0, 30): 1}
+    for angles, parts in images.items():
+        section = geometry(2, *angles)
+        assert section.split == (parts == 1) and section.sheared == (angles[1] == 30)
+        assert geometry(3, *angles).multiplicity == parts
+    oblique = {"with": "fibres", "g_f": 1.0, "fibre_angle": "30 deg"}
+    for symmetry in ("half", "quarter"):
+        with refused("symmetry", value=symmetry):
+            load_case("gelatin", {**oblique, "symmetry": symmetry}, dim=3)
+    with refused("symmetry", value="quarter"):
+        load_case(
+            "gelatin",
+            {**oblique, "fibre_angle": "90 deg", "fibre_incline": "9 deg", "symmetry": "quarter"},
+            dim=3,
+        )
+    with refused("mechanisms"):
+        strip_case(load_case("gelatin", oblique, dim=3), notch_mm=2.0)
+    # Fibres that are off, or lie in all directions, have none.
+    for none in ({"g_f": 0.0}, {"fibre_dispersion": 1 / 3}):
+        assert not geometry_of(load_case("gelatin", {**oblique, **none})).split
+
+
+def test_tests_that_do_not_say_how_specimens_were_cut_ask_for_none():
+    assert "fibres" not in all_candidates(Model(), ["uniaxial", "cut"])
+
+
+@pytest.mark.parametrize("angle", [0, 90])
+def test_a_cut_through_fibres_closes(angle):
+    result = run_case(FIBRES.set(fibre_angle=f"{angle} deg"))
+    assert result.outcome.done and abs(result.measures["closure"]) < 0.01
+    assert result.curve["work_fibres_mJ"][-1] > 0
+
+
+def test_mirrored_fibres_give_the_mirrored_cut():
+    left, right = (
+        run_case(FIBRES.set(fibre_angle=f"{angle} deg", fibre_incline="20 deg", depth="0.3 mm"))
+        for angle in (-30, 30)
+    )
+    np.testing.assert_allclose(left.force_N, right.force_N, rtol=1e-6)
