@@ -19,7 +19,9 @@ def part_of(values, numerics, even: bool = True) -> str:
     """Which part of a block with a built-in mesh is meshed: quarter, half or full.
 
     ``even``: its material is alike towards both ends of the blade."""
-    smallest = "half" if values.get("incline", 0.0) or values["slice_push"] or not even else "quarter"
+    smallest = (
+        "half" if values.get("incline", 0.0) or values.get("slice_push", 0.0) or not even else "quarter"
+    )
     smallest = "full" if values.get("tilt", 0.0) else smallest
     return smallest if numerics.symmetry == "auto" else numerics.symmetry
 
@@ -35,7 +37,7 @@ def geometry(values, numerics, radius: float = np.inf, even: bool = True) -> Geo
         if tilted and part != "full":
             expected = f"a full block with a tilted blade, not a {part}"
             raise BadInput(key="mesh", value=numerics.mesh, expected=expected)
-        if (values.get("incline", 0.0) or values["slice_push"] or not even) and part == "quarter":
+        if (values.get("incline", 0.0) or values.get("slice_push", 0.0) or not even) and part == "quarter":
             expected = "half a block, or a full one, where blade or material is not alike towards both ends"
             raise BadInput(key="mesh", value=numerics.mesh, expected=expected)
         if part == "full":
