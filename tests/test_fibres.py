@@ -10,7 +10,7 @@ from coarse_runs import QUICK
 from refusals import refused
 from scipy.optimize import minimize
 
-from cutbench.case.case import load_case
+from cutbench.case.case import Case, load_case
 from cutbench.case.model import Model
 from cutbench.data.campaign import all_candidates
 from cutbench.homogeneous import LoadingHistory, respond
@@ -117,6 +117,11 @@ def test_what_is_oblique_takes_the_whole():
     # Fibres that are off, or lie in all directions, have none.
     for none in ({"g_f": 0.0}, {"fibre_dispersion": 1 / 3}):
         assert not geometry_of(load_case("gelatin", {**oblique, **none})).split
+
+
+def test_a_right_angle_is_read_back():
+    right = load_case("gelatin", {"with": "fibres", "g_f": 1.0, "fibre_angle": "90 deg"})
+    assert Case.from_dict(right.to_dict()).p.fibre_angle == right.p.fibre_angle
 
 
 def test_tests_that_do_not_say_how_specimens_were_cut_ask_for_none():
