@@ -135,6 +135,17 @@ def test_a_cut_through_fibres_closes(angle):
     assert result.curve["work_fibres_mJ"][-1] > 0
 
 
+def test_derivatives_know_that_an_angle_decides_what_is_meshed():
+    """Half a section has no mirror image where its fibres turn."""
+    with refused("sensitivities", value="fibre_angle"):
+        run_case(FIBRES, sensitivities=["fibre_angle"])
+    step = 1e-4
+    found = run_case(FIBRES.set(depth="0.3 mm"), sensitivities=["g_f"])
+    less, more = (run_case(FIBRES.set(depth="0.3 mm", g_f=1 + s * step)).force_N[-1] for s in (-1, 1))
+    slope = found.sensitivities["g_f"][-1]
+    assert slope == pytest.approx((more - less) / (2 * step), rel=1e-3)
+
+
 def test_mirrored_fibres_give_the_mirrored_cut():
     left, right = (
         run_case(FIBRES.set(fibre_angle=f"{angle} deg", fibre_incline="20 deg", depth="0.3 mm"))

@@ -37,8 +37,10 @@ _FACES = frozenset({"cut", "blade", "rig"})
 
 
 def differentiable(model: Model) -> tuple[str, ...]:
-    """Names of the parameters that a run of ``model`` can be differentiated by."""
-    return tuple(name for name in model.parameters() if name not in _FIXED)
+    """Names of the parameters that a run of ``model`` can be differentiated by; no angle that says how much
+    of the specimen is meshed."""
+    turned = {q.name for law in model.all if law.directed for q in law.parameters if q.unit == "deg"}
+    return tuple(name for name in model.parameters() if name not in _FIXED | turned)
 
 
 def checked(case: Case, names: Sequence[str]) -> tuple[str, ...]:

@@ -60,6 +60,7 @@ class Fibres(Bulk):
             high=180.0,
             default=0.0,
             typical=30.0,
+            sought=False,
         ),
         Parameter(
             "fibre_incline",
@@ -70,6 +71,7 @@ class Fibres(Bulk):
             high=180.0,
             default=0.0,
             typical=20.0,
+            sought=False,
         ),
     )
 

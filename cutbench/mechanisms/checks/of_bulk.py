@@ -96,8 +96,9 @@ def directions_are_told(t: Trial) -> None:
         "'directed' says whether its energy has a direction"
     )
     for same, axis in zip(t.law.mirrored(t.numbers()), 1 - 2 * np.eye(3), strict=True):
-        image = t.energy(axis[:, None, None] * F * axis[:, None])
-        assert same == np.allclose(image, here, 1e-10, 1e-14), "mirrored() says what reversing an axis leaves"
+        assert same == np.allclose(t.energy(axis[:, None, None] * F * axis[:, None]), here, 1e-10, 1e-14), (
+            "mirrored() says what reversing an axis leaves"
+        )
 
 
 @check("bulk")
