@@ -66,12 +66,13 @@ def test_a_grid_has_its_points_and_marks_less_what_is_in_the_store(write, tmp_pa
 def test_a_search_has_its_first_look_and_a_limit_and_goes_on_from_the_store(write, tmp_path):
     study, store = load_study(write(SEARCH)), tmp_path / "store"
     before = forecast(study, store, 4)
-    assert (before.reused, before.first, before.max_runs) == (0, 6, 24)
+    assert before.reused == 0 and 1 <= before.first <= 6 and before.max_runs == 24
     # As an interrupted search left it: the first look is there.
     for case in plan_of(study).ask({}):
         Store(store).put(timed_run(case))
     later = forecast(study, store, 4)
-    assert later.reused == 6 and 1 <= later.first <= 4 and later.max_runs == 18
+    assert later.reused == before.first and 1 <= later.first <= 4
+    assert later.max_runs == 24 - before.first
     run_study(study, tmp_path / "out", workers=0, run=timed_run, pictures=False, store=store)
     done = forecast(study, store, 4)
     assert done.first == done.max_runs == 0 and done.reused == len(list(store.glob("??/*")))

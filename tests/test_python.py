@@ -20,7 +20,7 @@ def test_a_run_warns_of_doubtful_input_where_it_is_called():
 
 def test_an_estimate_takes_changes_and_warns_as_a_run_does():
     assert cutbench.estimate("gelatin", eta_reg="10 s").verdict == "smooth"
-    with pytest.warns(cutbench.DoubtfulInput) as caught, refused("viscosity"):
+    with pytest.warns(cutbench.DoubtfulInput) as caught, refused("eta_reg"):
         cutbench.estimate("gelatin", speed="1 mm/s")
     assert caught[0].filename == __file__
 

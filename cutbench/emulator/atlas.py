@@ -365,7 +365,7 @@ class Atlas:
             _interval(onset, half, cut),
             _interval(peak, force, cut and drop[0] ** 2 > PROMINENCE and not case.values["precut"]),
             _interval(drop, 1.0, cut, root=True), _interval(steady, force, whole),
-            {ABRUPT: abrupt, SMOOTH: 1 - uncut - abrupt, UNCUT: uncut},
+            {ABRUPT: float(abrupt), SMOOTH: float(1 - uncut - abrupt), UNCUT: float(uncut)},
             self._shares(place, x, float(np.exp(onset[0]))), self._nearest(place),
         )  # fmt: skip
 

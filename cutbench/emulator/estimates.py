@@ -101,8 +101,8 @@ def estimate(
         n: v for n, v in changes.items() if n not in NO_NUMBERS and not np.isscalar(v) and v is not None
     }
     fixed = {name: value for name, value in changes.items() if name not in arrays}
-    sources = [source] if isinstance(source, (Case, str, Path)) else [*source]
-    several = len(sources) != 1 or sources[0] is not source
+    several = isinstance(source, (list, tuple))
+    sources = list(source) if isinstance(source, (list, tuple)) else [source]
     cases = [case_of(each, fixed) for each in sources]
     for case in cases:
         warn_of_doubts(case, 2)
