@@ -17,6 +17,7 @@ from refusals import refused
 
 import cutbench
 from cutbench import run2d
+from cutbench.base.errors import BadInput
 from cutbench.case.case import Case, Numerics, load_case
 from cutbench.case.model import DEFAULT, PAPER, Model
 from cutbench.mechanisms import registry
@@ -50,6 +51,13 @@ def test_values_are_internal(gelatin):
 )
 def test_the_unit_of_writing_does_not_change_the_id(gelatin, key, one, other):
     assert gelatin.set(**{key: one}).id == gelatin.set(**{key: other}).id
+
+
+def test_a_value_at_its_bound_is_read_back():
+    block = load_case("gelatin", {"tilt": "30 deg"}, dim=3)
+    assert Case.from_dict(block.to_dict()) == block
+    with pytest.raises(BadInput):
+        block.set(tilt="30.001 deg")
 
 
 @given(G=positive, speed=positive, h=st.floats(0.15, 0.4))

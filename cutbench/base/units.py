@@ -135,6 +135,13 @@ class Parameter:
 
     def check(self, value: float, *, key: str | None = None) -> float:
         """Return a value if it lies within the bounds. Raises BadInput."""
+        # A bound that was written and read back is one, but for rounding.
+        near = (
+            end
+            for end in (self.low, self.high)
+            if end is not None and math.isclose(value, end, rel_tol=1e-12)
+        )
+        value = next(near, value)
         bad = not math.isfinite(value)
         if self.low is not None:
             bad |= value < self.low or (self.open_low and value == self.low)
