@@ -16,7 +16,7 @@ PACKAGE = Path(cutbench.__file__).parent
 STATEMENTS = {
     "base": 1518,
     "mechanisms": 2472,
-    "case": 1401,
+    "case": 1402,
     "forms": 2877,
     "solver": 1829,
     "models2d": 133,

@@ -14,13 +14,13 @@ from cutbench.case.numerics import UNMEASURED
 from cutbench.mechanisms import registry
 
 
-def alternative_cases(case: Case) -> tuple[dict[str, Case], dict[str, str]]:
+def alternative_cases(case: Case, *, switching_on: bool = True) -> tuple[dict[str, Case], dict[str, str]]:
     """``case`` with one thing changed that the model leaves open, by what that is; and those that cannot be,
-    with the reason."""
+    with the reason. What is off could as well be there: that is left out without ``switching_on``."""
     cases: dict[str, Case] = {}
     refused: dict[str, str] = {}
     seen = {case.id}
-    for name, changes in _changes(case):
+    for name, changes in _changes(case, switching_on):
         try:
             other = case.set(**changes)
         except BadInput as error:
@@ -32,14 +32,14 @@ def alternative_cases(case: Case) -> tuple[dict[str, Case], dict[str, str]]:
     return cases, refused
 
 
-def _changes(case: Case) -> Iterator[tuple[str, Mapping[str, object]]]:
+def _changes(case: Case, switching_on: bool) -> Iterator[tuple[str, Mapping[str, object]]]:
     """Each in words, and as ``Case.set`` takes it."""
     for law in case.model.all:
         for q in law.parameters:
-            for factor in q.unmeasured:
-                # What is off could as well be there.
-                now = case.values[q.name]
-                value = factor * (q.typical * q.factor if q.off is not None and now == q.off_value else now)
+            now = case.values[q.name]
+            off = q.off is not None and now == q.off_value
+            for factor in q.unmeasured if switching_on or not off else ():
+                value = factor * (q.typical * q.factor if off else now)
                 unit = "" if q.unit == "1" else f" {q.unit}"
                 yield f"{q.name} = {q.show(value)}", {q.name: f"{value / q.factor!r}{unit}"}
         for name in law.alternatives:

@@ -56,7 +56,9 @@ class SamplingPlan:
         """Runs that ``repeats`` asks for at the most."""
         wanted = self.study.doubtful
         return wanted.runs + (
-            wanted.bands * len(alternative_cases(self.study.base)[0]) if wanted.bands else 0
+            wanted.bands * len(alternative_cases(self.study.base, switching_on=False)[0])
+            if wanted.bands
+            else 0
         )
 
     def repeats(self, rows: Mapping[str, MapRow]) -> list[Case]:

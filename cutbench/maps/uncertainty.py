@@ -77,7 +77,8 @@ class RepeatedRuns:
             asked.append(fine := refined(cases[id]))
             self.refined[id] = fine.id
         for id in near[:bands]:
-            others = alternative_cases(cases[id])[0]
+            # A map of a gel without friction is one of frictionless cuts: with it there is another map.
+            others = alternative_cases(cases[id], switching_on=False)[0]
             self.alternatives[id] = {name: other.id for name, other in others.items()}
             asked += others.values()
         return asked
