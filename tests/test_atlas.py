@@ -195,6 +195,12 @@ def test_derivatives_are_those_of_differences():
             assert table[f"{measure}_by_{name}"][0] == pytest.approx((a - b) / (2e-3 * now), rel=2e-3)
 
 
+def test_what_is_off_has_a_derivative_too():
+    table = estimate("gelatin", derivatives_by=["mu"])
+    near = estimate("gelatin", mu=1e-4).onset_mm.value - estimate("gelatin").onset_mm.value
+    assert table.onset_mm_by_mu[0] == pytest.approx(near / 1e-4, rel=0.05)
+
+
 def test_the_drawn_curve_has_the_numbers_beside_it():
     for name in MATERIALS:
         said = estimate(name)

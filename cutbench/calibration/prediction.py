@@ -80,7 +80,7 @@ class Predictions:
     ):
         self.campaign, self.base, self.grids, self.runs = campaign, base, grids, runs
         #: Whether cuts are those of the atlas, so that none is computed.
-        self.by_atlas = by_atlas
+        self.by_atlas, self._by_atlas = by_atlas, dict[str, AtlasCuts]()
         rig = {q.name for law in base.model.laws("rig") for q in law.parameters}
         self.free = tuple(dict.fromkeys(n for n in free if n not in rig))
         self._cuts = {
@@ -129,7 +129,9 @@ class Predictions:
     def emulator(self, e: Experiment) -> CutEmulator | AtlasCuts:
         """Of all cuts that go the way of ``e``, from what was computed until now. Raises NotKnown."""
         if self.by_atlas:
-            return AtlasCuts(without_rig(self._cuts[e.id]))
+            if e.id not in self._by_atlas:
+                self._by_atlas[e.id] = AtlasCuts(without_rig(self._cuts[e.id]))
+            return self._by_atlas[e.id]
         known, motion = len(self.runs.database.runs), self._cuts[e.id].motion
         if self._emulators[0] != known:
             self._emulators = known, {}

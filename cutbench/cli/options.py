@@ -261,6 +261,7 @@ def run_options(*, dim: int) -> Callable[[Callable], Callable]:
             **own: object,
         ) -> None:
             from cutbench.base.errors import BadInput
+            from cutbench.case import materials
             from cutbench.case.motion import TRANSITION
             from cutbench.run.fields import checked_frames
 
@@ -271,7 +272,8 @@ def run_options(*, dim: int) -> Callable[[Callable], Callable]:
                 raise BadInput("--quick", numerics, "one of --quick and --numerics, not both")
             options |= {"numerics": "fast" if quick else numerics, "until": until}
             given = changes(sets, options, with_, without)
-            if dim == 3:  # what comes behind the transition takes most of a block's hours
+            if dim == 3 and material in materials.names():
+                # What comes behind the transition takes most of a block's hours; a file says itself how far.
                 given.setdefault("until", TRANSITION)
             case, folder = case_and_folder(material, given, out, dim=dim)
             command(RunRequest(case, folder, every_s, count), **own)
@@ -322,7 +324,8 @@ def finish(result: Result, folder: Path, plane: Result | None = None) -> None:
     typer.echo(str(result.outcome))
     typer.echo(f"written to {folder}")
     typer.echo(result.sentence())
-    if math.isnan(result.measures.get("onset_mm", 0.0)) and (held := held_by_friction(result.case)):
+    uncut = result.outcome.done and math.isnan(result.measures.get("onset_mm", 0.0))
+    if uncut and (held := held_by_friction(result.case)):
         typer.echo(held)
     exit_by_outcome(result.outcome)
 

@@ -144,12 +144,7 @@ class AlignedCurves:
             # A shift of the onset takes along what is beyond, with the force that it begins at.
             shift = self._onset.spread(place[None], runs)[0] * (np.minimum(self.x, o) * slope - force)
             parts.append((shift / np.hypot(force, self.small))[:, None])
-        # What a twentieth of the largest part of an error adds is not felt, and there are many such parts.
-        vectors, sizes, _ = np.linalg.svd(
-            np.hypot(force, self.small)[:, None] * np.hstack(parts), full_matrices=False
-        )
-        kept = sizes > 0.05 * sizes[0]
-        return vectors[:, kept] * sizes[kept]
+        return main_parts(np.hypot(force, self.small)[:, None] * np.hstack(parts))
 
     def _rising(self, values: np.ndarray, onset: np.ndarray) -> np.ndarray:
         """Forces (…, k) at parts of the way to onsets (…), of values of their ratio to the travel there."""
@@ -181,6 +176,14 @@ def _onsets(
         noise[~begun] += (sd / process.size) ** 2 * (1 - hazard * (hazard - short))
         process = GaussianProcess(X, values, kernel=process.kernel, noise=noise)
     return process, np.exp(values)
+
+
+def main_parts(root: np.ndarray) -> np.ndarray:
+    """A root (k, r) of a covariance in fewer columns: what a twentieth of the largest part of an error adds
+    is not felt, and there are many such parts."""
+    vectors, sizes, _ = np.linalg.svd(root, full_matrices=False)
+    kept = sizes > 0.05 * sizes[0]
+    return vectors[:, kept] * sizes[kept]
 
 
 class Curves:

@@ -493,9 +493,8 @@ def values_of(case: Case, *, checked: bool = True) -> list[float]:
     space, units = space_of(case), Groups.of(case)
     assert units is not None, "of the atlas' model"
     found = [float(v) for v in space.of_values(units, case.model, case.values)]
-    for side, value in zip(space.ranges, found, strict=True):
-        if checked and not side.holds(value):
-            raise NotInAtlas(*space.outside(side, value, case))
+    for side, value in space.beyond(found) if checked else ():
+        raise NotInAtlas(*space.outside(side, value, case))
     return row_of(space, found)
 
 
@@ -509,9 +508,11 @@ def held_by_friction(case: Case) -> str:
     """Of a blade that does not cut: what it would do without friction, in a sentence; empty where that is the
     same, or not known."""
     names = [law.name for law in case.model.laws("blade") if law.role == "friction"]
-    with suppress(NotInAtlas):
+    if not names:
+        return ""
+    with suppress(BadInput):
         free = shipped().estimate(case.set(without=names))
-        if names and free.verdict != UNCUT:
+        if free.verdict != UNCUT:
             onset = f"{free.onset_mm:.3g} mm, as the atlas has it"
             return f"Held by friction: without {' and '.join(names)} the cut begins at {onset}."
     return ""

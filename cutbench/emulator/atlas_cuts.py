@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from cutbench.case.case import Case
+from cutbench.emulator.alignment import main_parts
 from cutbench.emulator.atlas import depth_of, row_of, shipped, space_of
 from cutbench.emulator.database import TRAVEL_POINTS, Emulator, OutOfRange
 from cutbench.emulator.groups import Groups
@@ -37,9 +38,7 @@ class AtlasCuts(Emulator):
         m = shipped().measures(row, np.array([self._depth]))
         drawn = np.array(shipped().drawn(row, m, self.x))
         off = (drawn[1:] - drawn[0]) / math.sqrt(len(drawn) - 1)
-        vectors, sizes, _ = np.linalg.svd(off.T, full_matrices=False)
-        kept = sizes > 0.05 * sizes[0]
-        return self.groups.force(values) * vectors[:, kept] * sizes[kept]
+        return self.groups.force(values) * main_parts(off.T)
 
     def onset_mm(self, values: Mapping[str, float]) -> float:
         """Predict where the cut begins."""
@@ -50,8 +49,7 @@ class AtlasCuts(Emulator):
         rows = []
         for values in each:
             found = self.space.of_values(self.groups, self.model, values)
-            beyond = [s.name for s, v in zip(self.space.ranges, found, strict=True) if not s.holds(v)]
-            if beyond:
-                raise OutOfRange(f"the atlas ends before: {', '.join(beyond)}")
+            if beyond := self.space.beyond(found):
+                raise OutOfRange(f"the atlas ends before: {', '.join(side.name for side, _ in beyond)}")
             rows.append(row_of(self.space, found))
         return np.array(rows, dtype=float)

@@ -105,6 +105,10 @@ class DesignSpace:
             for s in self.ranges
         ]  # fmt: skip
 
+    def beyond(self, found: Sequence[float]) -> list[tuple[GroupRange, float]]:
+        """Sides that do not hold their values, with these."""
+        return [(s, v) for s, v in zip(self.ranges, found, strict=True) if not s.holds(v)]
+
     def outside(self, side: GroupRange, value: float, case: Case) -> tuple[str, str, str]:
         """What is wrong with a value of a side, for a case that has it: the parameter, its value, and the
         nearest value within."""
@@ -146,7 +150,7 @@ class DesignSpace:
 #: What blades of every kind have.
 _COMMON = (
     GroupRange("cohesion", 1.0, 50.0),
-    GroupRange("viscosity", 0.0, 10.0, "asinh", 0.02, 0.003, 0.1),
+    GroupRange("viscosity", 0.0, 10.0, "asinh", unit=0.02, least=0.003, off=0.1),
     GroupRange("adhesion", 0.0, 0.3, "asinh", 0.03),
     GroupRange("mu", 0.0, 0.4, "asinh", 0.05),
     GroupRange("delta_c", 0.08, 0.4),
@@ -154,7 +158,7 @@ _COMMON = (
     GroupRange("width", 40.0, 160.0),
     GroupRange("height", 30.0, 120.0),
     GroupRange("nu", 0.45, 0.4995, "incompressible"),
-    GroupRange("precut", 0.0, 8.0, "asinh", 1.0, 0.5, 0.75),
+    GroupRange("precut", 0.0, 8.0, "asinh", unit=1.0, least=0.5, off=0.75),
 )
 #: By the name of the blade's law: what the atlas has runs of.
 BLADES = {

@@ -200,10 +200,12 @@ def _derivatives(
     require(name in known, "derivatives_by", name, f"one of {', '.join(known)}")
     q, now = known[name], values[name]
     size = STEP * np.where(now == 0, q.typical * q.factor, np.abs(now))
-    up, down = (_numbers(case, {**values, name: now + way * size}, at_mm) for way in (1, -1))
+    # Of what is off the difference is to one side.
+    ends = [np.clip(now + way * size, *q.bounds) for way in (1, -1)]
+    up, down = (_numbers(case, {**values, name: end}, at_mm) for end in ends)
     by = {}
     for n, (dims, column) in up.items():
         if np.asarray(column).dtype.kind == "f":
-            change = (column - down[n][1]) * q.factor / 2
-            by[f"{n}_by_{name}"] = dims, (change.T / size).T
+            change = (column - down[n][1]) * q.factor
+            by[f"{n}_by_{name}"] = dims, (change.T / (ends[0] - ends[1])).T
     return by

@@ -15,13 +15,15 @@ from cutbench.models3d.usermesh import read_mesh
 PARTS = {"quarter": 4.0, "half": 2.0, "full": 1.0}
 
 
+def _ends_alike(values, even: bool) -> bool:
+    return even and not (values.get("incline", 0.0) or values.get("slice_push", 0.0))
+
+
 def part_of(values, numerics, even: bool = True) -> str:
     """Which part of a block with a built-in mesh is meshed: quarter, half or full.
 
     ``even``: its material is alike towards both ends of the blade."""
-    smallest = (
-        "half" if values.get("incline", 0.0) or values.get("slice_push", 0.0) or not even else "quarter"
-    )
+    smallest = "quarter" if _ends_alike(values, even) else "half"
     smallest = "full" if values.get("tilt", 0.0) else smallest
     return smallest if numerics.symmetry == "auto" else numerics.symmetry
 
@@ -37,7 +39,7 @@ def geometry(values, numerics, radius: float = np.inf, even: bool = True) -> Geo
         if tilted and part != "full":
             expected = f"a full block with a tilted blade, not a {part}"
             raise BadInput(key="mesh", value=numerics.mesh, expected=expected)
-        if (values.get("incline", 0.0) or values.get("slice_push", 0.0) or not even) and part == "quarter":
+        if part == "quarter" and not _ends_alike(values, even):
             expected = "half a block, or a full one, where blade or material is not alike towards both ends"
             raise BadInput(key="mesh", value=numerics.mesh, expected=expected)
         if part == "full":

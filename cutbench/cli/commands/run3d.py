@@ -31,20 +31,19 @@ def run3d(
     It ends where its transition is known, unless --until depth is given. The same case in plane strain comes
     first, and says about how long the block takes.
     """
+    from cutbench.run.block_cost import cost_sentence, layers_sentence, pace_of
     from cutbench.run.checkpoint import NAME
 
     case, folder = wanted.case, wanted.folder
+    if layers := layers_sentence(case):
+        typer.echo(f"{case.name}: {layers}", err=True)
     plane, pace = None, None
     if plane_strain:
-        from cutbench.run.block_cost import cost_sentence, layers_sentence, pace_of
-
         # First, as it says what the block will cost, and shows what it will look like.
         plane = _section(_flat(case, case.p.depth), folder)
         if not (folder / NAME).exists():
             pace = pace_of(case, plane)
             typer.echo(cost_sentence(case.name, pace.expected_s), err=True)
-            if layers := layers_sentence(case):
-                typer.echo(f"{case.name}: {layers}", err=True)
             typer.echo(f"{case.name}: its section is drawn in {folder / SECTION}", err=True)
     result = run_with_progress(case, folder, wanted.every_s, wanted.frames, pace=pace)
     if plane is not None and result.outcome.kind != "interrupted":
