@@ -382,7 +382,8 @@ class Atlas:
         onset, before, after = (each[0] for each in drawn)
         levels, slopes = (getattr(m, n)[0] @ [np.ones(DRAWS + 1), normal(part, 1)[:, 0]]
                           for part, n in ((OF_STEADY, "steady"), (OF_STEADY + 1, "slope")))  # fmt: skip
-        after[0] = _falling(onset[0], before[0], after[0], m.drop[0, 0])
+        # All are bent as the mean is.
+        after = after * (_falling(onset[0], before[0], after[0], m.drop[0, 0]) / after[0])
         return [
             joined(x, *parts, m.middle[0])
             for parts in zip(onset, before, after, levels, slopes, strict=True)
