@@ -35,9 +35,9 @@ def compiled(plain: Callable[..., Any] | None = None) -> Callable[[Callable[...,
         if numba is None:
             return plain or loops
         try:
-            return numba.njit(cache=True, error_model="numpy")(loops)
+            return numba.njit(cache=True, error_model="numpy", nogil=True)(loops)
         except RuntimeError:  # no place for a cache
-            return numba.njit(error_model="numpy")(loops)
+            return numba.njit(error_model="numpy", nogil=True)(loops)
 
     return chosen
 

@@ -23,6 +23,7 @@ from cutbench.base.display import Displayed
 from cutbench.base.errors import BadInput, ComputationFailed
 from cutbench.base.notebook import watched
 from cutbench.base.progress import ALWAYS, OnProgress, Until, silent
+from cutbench.base.threads import cores
 from cutbench.base.toml import one_of
 from cutbench.calibration.cut_runs import CutRuns
 from cutbench.calibration.estimation import best_known, drop_unidentifiable, successive_estimates
@@ -43,7 +44,7 @@ from cutbench.data.fields import laid_out
 from cutbench.data.measures import MeasuredCut
 from cutbench.data.repetition import note_on_single_repetition
 from cutbench.run.measures import SETTLED
-from cutbench.run.pool.pool import TaskPool, cores
+from cutbench.run.pool.pool import TaskPool
 
 #: Values on which each test is compared.
 GRID = 40

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from cutbench.base.threads import leave_cores_to_workers, sharing, threads_of_a_run
 from cutbench.cli.progress import bar
 from cutbench.cli.terminal import loudness, show
 
@@ -168,6 +169,9 @@ Limit = Annotated[
     typer.Option(metavar="TIME", help="No longer than this, in s or with a unit: '10 min'; what is known then"
                  " is told."),
 ]  # fmt: skip
+Threads = Annotated[
+    str | None, typer.Option(metavar="N", help="Threads that share a run's work; default: one a core.")
+]
 Refine = Annotated[
     bool, typer.Option(help="Measure the error of the computation on a finer mesh on the way.")
 ]
@@ -228,6 +232,11 @@ def locked_folder(out: Path) -> Path:
     return _locks.get().enter_context(folder_lock(out))
 
 
+def share_work(threads: str | None) -> None:
+    """Among so many threads until the command ends, by default one a core."""
+    _locks.get().enter_context(sharing(whole_number("--threads", threads, 1) or threads_of_a_run()))
+
+
 @dataclass(frozen=True)
 class RunRequest:
     """What the options of a run ask for: a case, a folder to write to, seconds between checkpoints, how many
@@ -260,6 +269,8 @@ def run_options(*, dim: int) -> Callable[[Callable], Callable]:
             frames: FrameCount = None,
             **own: object,
         ) -> None:
+            if dim == 3:
+                leave_cores_to_workers()
             from cutbench.base.errors import BadInput
             from cutbench.case import materials
             from cutbench.case.motion import TRANSITION
@@ -340,14 +351,14 @@ def write_result(result: Result, folder: Path, plane: Result | None = None) -> N
         (folder / NAME).unlink(missing_ok=True)
 
 
-def whole_number(key: str, text: str | None) -> int | None:
-    """A whole number of 0 or more. Raises BadInput, which names the value where typer would not."""
+def whole_number(key: str, text: str | None, least: int = 0) -> int | None:
+    """A whole number of ``least`` or more. Raises BadInput, which names the value where typer would not."""
     from cutbench.base.errors import BadInput
 
     if text is None:
         return None
-    if not text.strip().isdecimal():
-        raise BadInput(key, text, "a whole number, 0 or more")
+    if not text.strip().isdecimal() or int(text) < least:
+        raise BadInput(key, text, f"a whole number, {least} or more")
     return int(text)
 
 

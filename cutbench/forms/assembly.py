@@ -10,11 +10,13 @@ from __future__ import annotations
 from collections.abc import Collection
 from copy import copy
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 import scipy.sparse as sp
 
 from cutbench.base.compiled import COMPILED, compiled
+from cutbench.base.threads import GRAIN, at_once, shared_out, threads
 from cutbench.forms.base import Packed, upper
 
 #: Of places in arrays: short, and never negative, or what NumPy counts with.
@@ -32,16 +34,20 @@ class Block:
     behind: int
     _packed: dict = field(default_factory=dict, init=False, repr=False)
 
-    def packed(self, local: Packed) -> tuple[np.ndarray, np.ndarray]:
-        """Places of the entries of ``local``, and of those opposite them, behind the last for a diagonal."""
-        key = local.dim, local.nn
+    def packed(self, local: Packed, hands: int) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Places of the entries of ``local`` and of those opposite them, of a diagonal none, with the numbers
+        of the entries; in as many parts as there are ``hands``, each with places of its own."""
+        key = local.dim, local.nn, hands
         if key not in self._packed:
-            rows, columns = upper(*key)
+            rows, columns = upper(*key[:2])
             nd = local.dim * local.nn
             table = self.matrices.reshape(nd, nd, -1)
             one, other = table[rows, columns], table[columns, rows]
             other[rows == columns] = self.behind
-            self._packed[key] = one.ravel(), other.ravel()
+            places = np.stack([one.ravel(), other.ravel()], axis=1).ravel()
+            part = places.astype(np.intp) * hands // max(self.behind, 1)
+            chosen = [np.flatnonzero(part == k).astype(_PLACE) for k in range(hands)]
+            self._packed[key] = [(places[some], some // 2) for some in chosen]
         return self._packed[key]
 
 
@@ -141,16 +147,21 @@ class Pattern:
         return total, scale
 
     def matrices(
-        self, locals_: dict[str, np.ndarray | Packed], begin: np.ndarray | float = 0.0
+        self, locals_: dict[str, np.ndarray | Packed], factor: float = 0.0, begin: np.ndarray | None = None
     ) -> np.ndarray:
-        """CSR values of the sum of several blocks' local matrices, and of the values ``begin``."""
-        data = np.empty(self.indices.size + 1)
-        data[:-1], data[-1] = begin, 0.0
+        """CSR values of the sum of several blocks' local matrices, and of the values ``begin`` times
+        ``factor``."""
+        size = self.indices.size
+        data = np.zeros(size + 1) if begin is None else np.empty(size + 1)
+        data[-1] = 0.0
+        if begin is not None:
+            shared_out(lambda a, b: np.multiply(factor, begin[a:b], out=data[a:b]), size, size)
         for name, local in locals_.items():
             block = self.blocks[name]
             if isinstance(local, Packed):
-                one, other = block.packed(local)
-                _scatter_both(data, one, other, local.entries.ravel())
+                values = local.entries.ravel()
+                parts = block.packed(local, threads() if values.size > GRAIN else 1)
+                at_once(*(partial(_scatter_some, data, *part, values) for part in parts))
             else:
                 _scatter(data, block.matrices, local.ravel())
         return data[:-1]
@@ -196,16 +207,10 @@ def _scatter(out, places, values):
         out[places[k]] += values[k]
 
 
-def _plain_scatter_both(out, one, other, values):
-    _plain_scatter(out, one, values)
-    _plain_scatter(out, other, values)
-
-
-@compiled(_plain_scatter_both)
-def _scatter_both(out, one, other, values):
-    for k in range(one.size):
-        out[one[k]] += values[k]
-        out[other[k]] += values[k]
+@compiled(lambda out, places, numbers, values: np.add.at(out, places, values[numbers]))
+def _scatter_some(out, places, numbers, values):
+    for k in range(places.size):
+        out[places[k]] += values[numbers[k]]
 
 
 def _plain_weighed(total, one, places, values, apart):

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 from typing import Any
 
 import numpy as np
 
 from cutbench.base.compiled import compiled
+from cutbench.base.threads import shared_out
 
 
 @dataclass
@@ -191,23 +192,26 @@ def same(one, other):
 
 def spread(matrices: np.ndarray, local: np.ndarray) -> np.ndarray:
     """Local ``matrices`` (nn, nn, n) times each component of local vectors (c·nn, n), real or complex."""
-    return (_plain_spread if local.dtype.kind == "c" else _spread)(matrices, local)
+    out = np.zeros_like(local)
+    work = partial(_plain_spread if local.dtype.kind == "c" else _spread, matrices, local, out)
+    shared_out(work, local.shape[1], matrices.size)
+    return out
 
 
-def _plain_spread(matrices, local):
-    parts = local.reshape(-1, *matrices.shape[1:])
-    return np.einsum("abe,ibe->iae", matrices, parts).reshape(local.shape)
+def _plain_spread(matrices, local, out, begin, end):
+    parts = local.reshape(-1, *matrices.shape[1:])[..., begin:end]
+    added = np.einsum("abe,ibe->iae", matrices[..., begin:end], parts)
+    out[:, begin:end] = added.reshape(len(local), -1)
 
 
 @compiled(_plain_spread)
-def _spread(matrices, local):
-    nn, out = len(matrices), np.zeros_like(local)
+def _spread(matrices, local, out, begin, end):
+    nn = len(matrices)
     for i in range(0, len(local), nn):
         for a in range(nn):
             for b in range(nn):
-                for e in range(local.shape[1]):
+                for e in range(begin, end):
                     out[i + a, e] += matrices[a, b, e] * local[i + b, e]
-    return out
 
 
 def add_states(*parts: dict) -> dict:

@@ -13,6 +13,7 @@ from scipy.interpolate import LinearNDInterpolator
 from scipy.spatial import Delaunay, cKDTree
 
 from cutbench.base.fused import fused, fusing
+from cutbench.base.threads import shared_out
 from cutbench.forms.base import Form, Local, Packed, add_states, component_major, gather, same, upper
 from cutbench.forms.elements import deformed, flattened, pushed, stresses, tangents
 from cutbench.forms.space import Volume
@@ -156,12 +157,16 @@ class BulkForm(Form):
         """What ``Packed`` keeps of element matrices, of pushed ``tangents`` times weights."""
         ne, (every, half) = self.volume.w.shape[1], self._pairs
         out = np.empty((upper(self.dim, self.volume.nodes.shape[0])[0].size, ne))
-        at = 0
-        for i, k, block in blocks:
-            pairs = half if i == k else every
-            end = at + pairs.shape[0] * pairs.shape[1]
-            np.matmul(pairs, block.reshape(-1, ne), out=out[at:end].reshape(*pairs.shape[:2], ne))
-            at = end
+        given = [(half if i == k else every, block.reshape(-1, ne)) for i, k, block in blocks]
+
+        def multiply(begin: int, end: int) -> None:
+            last = 0
+            for pairs, block in given:
+                at, last = last, last + pairs.shape[0] * pairs.shape[1]
+                whole = out[at:last].reshape(*pairs.shape[:2], ne)
+                np.matmul(pairs, block[:, begin:end], out=whole[..., begin:end])
+
+        shared_out(multiply, ne, out.size)
         return out
 
     def _vector(self, P: np.ndarray, w: np.ndarray) -> np.ndarray:

@@ -7,10 +7,12 @@ Complex numbers go through NumPy.
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import partial
 
 import numpy as np
 
 from cutbench.base.compiled import COMPILED, compiled
+from cutbench.base.threads import shared_out
 from cutbench.mechanisms.bulk._isotropic import Kinematics, tangent_blocks
 
 #: Indices i ≤ k of tangent blocks, by dimension.
@@ -53,7 +55,13 @@ def tangents(
     where i = k (nq, m (m + 1)/2, ne) of J ≤ L alone."""
     if COMPILED:
         ff, fc, *rest = factors
-        blocks = (_tangents if len(jinv) == 2 else _tangents_solid)(k.F, ff, fc, *rest, jinv)
+        if len(jinv) == 3:
+            nq, ne = ff.shape
+            own, other = np.empty((3, nq, 6, ne)), np.empty((3, nq, 9, ne))
+            shared_out(partial(_tangents_solid, k.F, ff, fc, *rest, jinv, own, other), nq, 2 * other.size)
+            blocks: tuple = own[0], other[0], other[1], own[1], other[2], own[2]
+        else:
+            blocks = _tangents(k.F, ff, fc, *rest, jinv)
         if len(k.F) > len(jinv):
             A, B, C = blocks
             A_z, B_z, C_z = _tangents_along(k.F, ff, fc, rest[-1], jinv)
@@ -214,11 +222,11 @@ def _stresses_solid(F, s, c, jinv):
 
 
 @compiled()
-def _tangents_solid(F, ff, fc, cc, swap, one, jinv):
-    nq, ne = ff.shape
-    own, other = np.empty((3, nq, 6, ne)), np.empty((3, nq, 9, ne))
+def _tangents_solid(F, ff, fc, cc, swap, one, jinv, own, other, begin, end):
+    """Of some points: blocks i = k, and those of i < k."""
+    ne = ff.shape[1]
     f, c = np.empty((3, 3)), np.empty((3, 3))
-    for q in range(nq):
+    for q in range(begin, end):
         for e in range(ne):
             n = q * ne + e
             for i in range(3):
@@ -248,4 +256,3 @@ def _tangents_solid(F, ff, fc, cc, swap, one, jinv):
                                 other[block, q, at, e] = part
                             at += 1
                     block += i != k
-    return own[0], other[0], other[1], own[1], other[2], own[2]

@@ -13,6 +13,7 @@ from functools import cache
 from pathlib import Path
 
 from cutbench.base.errors import BadInput
+from cutbench.base.threads import cores
 from cutbench.case.case import Case, load_case
 from cutbench.case.model_alternatives import alternative_cases
 from cutbench.case.motion import TRANSITION
@@ -23,7 +24,6 @@ from cutbench.maps.dataset import MapRow, row_of
 from cutbench.maps.regimes import quasi_static_case
 from cutbench.maps.study import Study
 from cutbench.maps.uncertainty import RepeatedRuns, log_ratio, nearest_to_boundary
-from cutbench.run.pool.pool import cores
 from cutbench.run.runner import run_case
 from cutbench.run.store.runs import Store
 

@@ -10,6 +10,7 @@ import numpy as np
 from cutbench.base.errors import BadInput
 from cutbench.base.notebook import watched
 from cutbench.base.progress import OnProgress, silent
+from cutbench.base.threads import sharing, threads_of_a_run
 from cutbench.case.case import Case, case_of, warn_of_doubts
 from cutbench.run.result import Result
 from cutbench.run.runner import run_case
@@ -96,6 +97,7 @@ def run3d(
     *,
     snapshots_mm: Sequence[float] | None = None,
     frames: int | None = None,
+    threads: int | None = None,
     on_progress: OnProgress = silent,
     **changes: object,
 ) -> Result:
@@ -111,6 +113,8 @@ def run3d(
         As for ``run2d``; every twelfth of the depth unless given.
     frames : int, optional
         How many fields are kept besides, spread evenly over the run, for an animation.
+    threads : int, optional
+        How many share the work, as many as there are cores unless given. Results are equal up to rounding.
     on_progress : callable
         Called as ``on_progress(done, total, text)`` with travels in mm and the force.
     **changes : object
@@ -135,7 +139,10 @@ def run3d(
     >>> result.case.dim, result.outcome.done
     (3, True)
     """
-    return _cut(source, 3, snapshots_mm, frames, on_progress, changes)
+    if threads is not None and (not isinstance(threads, int) or threads < 1):
+        raise BadInput("threads", threads, "a whole number, 1 or more")
+    with sharing(threads or threads_of_a_run()):
+        return _cut(source, 3, snapshots_mm, frames, on_progress, changes)
 
 
 def _cut(

@@ -21,6 +21,7 @@ import numpy as np
 from cutbench.base.errors import BadInput
 from cutbench.base.figure_style import save
 from cutbench.base.files import csv_text, file_digest, folder_lock, plain, write_json, write_text
+from cutbench.base.threads import threads
 from cutbench.run.paraview import write_fields
 from cutbench.run.result import Result, ordered_columns
 from cutbench.run.store.runs import keep_laws, record_of, result_of
@@ -96,7 +97,7 @@ def describe(result: Result, *, command: str | None = None) -> dict:
             "system": platform.platform(),
             "machine": platform.machine(),
             "cores": os.cpu_count(),
-            "threads": os.environ.get("OMP_NUM_THREADS"),
+            "threads": threads(),
         },
         "reproduce": {
             "command": command or shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]]),

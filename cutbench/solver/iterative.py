@@ -10,12 +10,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 
 import numpy as np
 import scipy.sparse as sp
+from scipy.linalg.blas import daxpy
 
-from cutbench.base.compiled import compiled
+from cutbench.base.compiled import COMPILED, compiled
 from cutbench.base.errors import BadInput
+from cutbench.base.threads import shared_out
 from cutbench.solver.linear import RESIDUAL, SingularMatrix, make_solver
 
 try:
@@ -113,7 +116,7 @@ def gmres(
     directions = [] if directions is None else directions
     for direction, image in directions:
         along = image @ r
-        x, r = x + along * direction, r - along * image
+        x, r = daxpy(direction, x, a=along), r - along * image
     if directions:
         left = float(np.linalg.norm(r)) / size
     while left > tolerance and done < most:
@@ -121,13 +124,13 @@ def gmres(
         w = matvec(z)
         for direction, image in directions:
             along = image @ w
-            z, w = z - along * direction, w - along * image
+            z, w = daxpy(direction, z, a=-along), daxpy(image, w, a=-along)
         length = float(np.linalg.norm(w))
         if not 0 < length < np.inf:
             break
         z, w = z / length, w / length
         step = w @ r
-        x, r = x + step * z, r - step * w
+        x, r = daxpy(z, x, a=step), r - step * w
         if len(directions) >= restart:
             directions.clear()
         directions.append((z, w))
@@ -153,8 +156,8 @@ class _Matrix:
         self._mirror = sp.triu(self._A, 1).T.tocsr() if self._symmetric else None
 
     def __matmul__(self, x: np.ndarray) -> np.ndarray:
-        y = self._A @ x
-        return y if self._mirror is None else y + self._mirror @ x
+        y = _product(self._A, x)
+        return y if self._mirror is None else y + _product(self._mirror, x)
 
     def full(self) -> sp.csr_matrix:
         return self._A if self._mirror is None else (self._A + self._mirror).tocsr()
@@ -174,25 +177,48 @@ class SymmetricPart:
         mirrored.sort_indices()
         if not (np.array_equal(mirrored.indices, indices) and np.array_equal(mirrored.indptr, indptr)):
             raise ValueError("the pattern is not symmetric, or its indices are not sorted")
-        self._one = np.flatnonzero(indices >= rows).astype(np.int32)
-        self._other = mirrored.data[self._one].astype(np.int32) - 1
+        self._one = np.flatnonzero(indices >= rows).astype(np.uint32)
+        self._other = mirrored.data[self._one].astype(np.uint32) - 1
         counts = np.bincount(rows[self._one], minlength=n)
         upper = np.concatenate([[0], np.cumsum(counts)]), indices[self._one]
         self._direct = make_solver("auto", *upper, n, True)
 
     def refactor(self, data: np.ndarray) -> None:
-        self._direct.refactor(_mean(data, self._one, self._other))
+        mean = np.empty(self._one.size)
+        shared_out(partial(_mean, data, self._one, self._other, mean), mean.size, mean.size)
+        self._direct.refactor(mean)
 
     def back(self, b: np.ndarray) -> np.ndarray:
         return self._direct.back(b)
 
 
-@compiled(lambda data, one, other: (data[one] + data[other]) / 2)
-def _mean(data, one, other):
-    out = np.empty(one.size)
-    for k in range(one.size):
+def _plain_mean(data, one, other, out, begin, end):
+    out[begin:end] = (data[one[begin:end]] + data[other[begin:end]]) / 2
+
+
+@compiled(_plain_mean)
+def _mean(data, one, other, out, begin, end):
+    for k in range(begin, end):
         out[k] = (data[one[k]] + data[other[k]]) / 2
-    return out
+
+
+def _product(A: sp.csr_matrix, x: np.ndarray) -> np.ndarray:
+    if not COMPILED or x.ndim > 1:
+        return A @ x
+    y = np.empty(A.shape[0])
+    # Compiled loops look at each place that has a sign whether it counts from the end.
+    indptr, indices = (a.view(f"u{a.itemsize}") for a in (A.indptr, A.indices))
+    shared_out(partial(_rows_times, indptr, indices, A.data, x, y), y.size, A.nnz)
+    return y
+
+
+@compiled()
+def _rows_times(indptr, indices, data, x, y, begin, end):
+    for i in range(begin, end):
+        total = 0.0
+        for k in range(indptr[i], indptr[i + 1]):
+            total += data[k] * x[indices[k]]
+        y[i] = total
 
 
 class Kept:

@@ -216,14 +216,14 @@ class Problem:
         return Evaluation(residual, scale, answers, partial(self._assembled, u, step))
 
     def _assembled(self, u: np.ndarray, step: Step, answers: dict[str, Local]) -> np.ndarray:
-        begin, damped = time.perf_counter(), np.zeros(1)
+        begin = time.perf_counter()
         self.learn(u)
         # Damping's matrix is a multiple of the metric, which stands assembled already.
-        if self.damping is not None and self.metric is not None:
-            damped = self.damping.factor(step) * self.metric
+        factor = 0.0 if self.damping is None else self.damping.factor(step)
         with QUIET():
             found = {name: a.tangent for name, a in answers.items() if name != "damping"}
-            data = self.pattern.matrices({n: each for n, each in found.items() if each is not None}, damped)
+            some = {name: each for name, each in found.items() if each is not None}
+            data = self.pattern.matrices(some, factor, self.metric)
         self.timer.add("assembly", begin)
         return data
 

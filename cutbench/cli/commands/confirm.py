@@ -23,6 +23,7 @@ from cutbench.cli.options import (
     locked_folder,
     run_with_progress,
     seconds,
+    share_work,
     whole_number,
     with_exit_status,
     write_result,
@@ -55,7 +56,9 @@ def confirm(
     ] = None,
     workers: Annotated[
         str | None,
-        typer.Option(metavar="N", help="Runs at once, in N processes; default: one after the other."),
+        typer.Option(
+            metavar="N", help="Runs at once, in N processes; default: one after the other, on all cores."
+        ),
     ] = None,
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Run the sections only, and say about how long the blocks take.")
@@ -72,8 +75,8 @@ def confirm(
     What blocks cost is said before the first begins. Start the same command again to go on where it stopped.
     """
     hands = whole_number("--workers", workers) or 0
-    if hands:
-        leave_cores_to_workers()
+    leave_cores_to_workers()
+    share_work("1" if hands else None)
     from cutbench.base.errors import BadInput
     from cutbench.maps import dataset as maps
     from cutbench.maps.confirmation import confirm as compare

@@ -8,7 +8,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cutbench.cli.options import RunRequest, finish, run_options, run_with_progress, with_exit_status
+from cutbench.cli.options import (
+    RunRequest,
+    Threads,
+    finish,
+    run_options,
+    run_with_progress,
+    share_work,
+    with_exit_status,
+)
 
 if TYPE_CHECKING:
     from cutbench.case.case import Case
@@ -25,6 +33,7 @@ def run3d(
     plane_strain: Annotated[
         bool, typer.Option(help="Compute the same case in plane strain too, for the end effect.")
     ] = True,
+    threads: Threads = None,
 ) -> None:
     """Cut a block in three dimensions: as run2d, with the front of the cut along the blade.
 
@@ -35,6 +44,7 @@ def run3d(
     from cutbench.run.checkpoint import NAME
 
     case, folder = wanted.case, wanted.folder
+    share_work(threads)
     if layers := layers_sentence(case):
         typer.echo(f"{case.name}: {layers}", err=True)
     plane, pace = None, None

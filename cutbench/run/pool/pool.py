@@ -8,7 +8,6 @@ them as they end. A job whose process dies is tried again, alone, and given up w
 from __future__ import annotations
 
 import multiprocessing
-import os
 from collections import Counter, deque
 from collections.abc import Callable, Hashable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
@@ -17,7 +16,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from cutbench.base.errors import BadInput
-from cutbench.base.threads import one_thread_each
+from cutbench.base.threads import cores, one_thread_each
 from cutbench.run.pool.cluster import DaskWorkers
 from cutbench.run.pool.worker import MAX_LOSSES, PoolLost, WorkerLost, begin_worker
 
@@ -209,8 +208,3 @@ def _here(job: Job) -> Done:
         return Done(job.key, job.call(*job.args))
     except Exception as error:
         return Done(job.key, error=error)
-
-
-def cores() -> int:
-    """Processors that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
