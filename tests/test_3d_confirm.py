@@ -21,13 +21,14 @@ from cutbench.maps.confirmation import (
     confirm,
     least_certain,
     marked_points,
+    resolved_points,
     section_as_block,
 )
 from cutbench.maps.dataset import MapRow, build_map, save_map
 from cutbench.maps.markers import FOLDER, RECORD, read_confirmed
 from cutbench.maps.phase import draw_phase, save_phase
 from cutbench.maps.study import load_study
-from cutbench.run.block_cost import expected_seconds
+from cutbench.run.block_cost import expected_seconds, layer_zones
 from cutbench.run.files import write_run
 from cutbench.run.result import Outcome, Result
 
@@ -62,10 +63,9 @@ mark = ["gelatin"]
 COARSE = {"h": "2 mm", "corner": 1.0}
 
 
-@pytest.fixture
-def data(tmp_path):
+def mapped(tmp_path, text):
     path = tmp_path / "study.toml"
-    path.write_text(STUDY, encoding="utf-8")
+    path.write_text(text, encoding="utf-8")
     study = load_study(path)
     rows = {}
     for drop, (_, case) in zip((0.02, 0.09, 0.14, 0.5), study.points(), strict=True):
@@ -73,6 +73,17 @@ def data(tmp_path):
         regime = "abrupt" if drop >= 0.1 else "smooth"
         rows[case.id] = MapRow("done", "", 1.0, regime, found)
     return build_map(study, rows)
+
+
+@pytest.fixture
+def data(tmp_path):
+    return mapped(tmp_path, STUDY)
+
+
+@pytest.fixture
+def short(tmp_path):
+    """With a blade so short that two layers along half of it are 0.25 mm thick."""
+    return mapped(tmp_path, STUDY.replace('length = "8 mm"', 'length = "1 mm"'))
 
 
 def test_the_points_nearest_to_the_boundary_come_first(data):
@@ -92,6 +103,48 @@ def test_the_cases_are_those_of_the_map(data):
     (material,) = marked_points(data)
     assert material.name == material.case.name == "gelatin"
     assert material.case.p.width == 6.0
+
+
+def test_points_are_chosen_whose_zone_the_layers_resolve_and_what_is_not_is_said(short):
+    # The zone is e² 4 δ_c/cohesion, 0.345 and 0.259 mm at 6 and 8, less at 10 and 12.
+    points, said = resolved_points(short, 3, True)
+    assert [point.at["cohesion"] for point in points] == [8.0, 6.0]
+    assert layer_zones(block_case(points[0].case)) == pytest.approx(
+        0.25 * 8 / (4 * math.e**2 * 0.07), rel=0.02
+    )
+    assert len(said) == 2 and said[0].startswith("cohesion = 10") and "1.2 cohesive zones" in said[0]
+    # Where the material is not resolved, the run nearest to it stands in: here one of the line itself.
+    assert said[1].startswith("gelatin") and said[1].endswith(points[0].name)
+    points, said = resolved_points(short, 3, True, {"layers": 4})
+    assert [point.name for point in points][-1] == "gelatin" and len(points) == 4 and not said
+
+
+def test_where_no_layers_resolve_a_zone_it_is_said_how_many_would(data):
+    with refused("layers", value=2, hint="layers=12"):
+        resolved_points(data, 3, True)
+    # As many do, and one less does not.
+    points, _ = resolved_points(data, 3, False, {"layers": 12})
+    assert [point.at["cohesion"] for point in points] == [6.0]
+    with refused("layers", value=11, hint="layers=12"):
+        resolved_points(data, 3, False, {"layers": 11})
+
+
+def test_a_block_is_judged_by_its_middle_as_a_long_blade(data, tmp_path):
+    # The ends hold the force of the whole up, and ligaments are left; the middle falls as the sections do.
+    whole = runner({"2D": 0.5, "like": 0.4, "3D": 0.0}, [], bridged=0.3)
+
+    def run(case, folder):
+        result = whole(case, folder)
+        if case.dim == 3:
+            middle = {f"middle_{name}": curve(0.3)[name] for name in ("force_N", "cut_length_mm")}
+            result.curve.update(middle)
+        return result
+
+    (point,) = confirm(data, least_certain(data, 1), tmp_path, run, source="map.nc")
+    assert point.verdict == "confirmed" and point.label_3d == "abrupt"
+    assert 0.1 < point.middle["drop_rel"] <= 0.3 and point.three["drop_rel"] < 1e-9
+    (record,) = json.loads((tmp_path / RECORD).read_text(encoding="utf-8"))["points"]
+    assert record["layer_zones"] == pytest.approx(layer_zones(block_case(least_certain(data, 1)[0].case)))
 
 
 def test_a_block_has_the_physics_of_its_section_and_a_mesh_of_its_own(data):
@@ -245,8 +298,8 @@ def test_several_are_run_at_once_and_stand_in_the_order_of_the_points(data, tmp_
 
 
 @pytest.mark.slow
-def test_the_command_runs_a_point_and_goes_on_with_what_its_limit_has_stopped(data, tmp_path):
-    save_map(data, tmp_path)
+def test_the_command_runs_a_point_and_goes_on_with_what_its_limit_has_stopped(short, tmp_path):
+    save_map(short, tmp_path)
     options = ["--points=1", "--no-materials", "--h=2", "--set=corner=1", f"--out={tmp_path / 'c'}"]
     stopped = CliRunner().invoke(app, ["confirm", str(tmp_path / "map.nc"), *options, "--limit=0 s"])
     assert stopped.exit_code == 1 and "1 unfinished" in stopped.output, stopped.output

@@ -21,15 +21,15 @@ STATEMENTS = {
     "solver": 1958,
     "models2d": 133,
     "models3d": 227,
-    "run": 3970,
+    "run": 3978,
     "emulator": 1069,
-    "maps": 3117,
+    "maps": 3155,
     "data": 2829,
     "homogeneous": 470,
     "calibration": 1623,
     "discovery": 1543,
     "app": 1129,
-    "cli": 1121,
+    "cli": 1123,
     "top": 61,
 }
 

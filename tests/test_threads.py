@@ -1,13 +1,16 @@
 """Threads that share the work of one run: the same answers with any number of them."""
 
+import json
 import time
 
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from typer.testing import CliRunner
 
 import cutbench
 from cutbench.base.threads import at_once, shared_out, sharing, threads, threads_of_a_run
+from cutbench.cli.main import app
 from cutbench.solver.linear import SHARED, SingularMatrix, available, make_solver
 
 needs_pardiso = pytest.mark.skipif("pardiso" not in available(), reason="PARDISO is not there")
@@ -127,3 +130,19 @@ def test_a_run_takes_the_threads_that_it_is_given(monkeypatch):
     assert threads_of_a_run() >= 1
     with pytest.raises(cutbench.BadInput, match="threads"):
         cutbench.run3d("gelatin", threads=0, **BLOCK)
+
+
+@pytest.mark.parametrize("text", ["0", "two"])
+def test_the_command_refuses_what_is_no_number_of_threads(text, tmp_path):
+    done = CliRunner().invoke(app, ["run3d", "gelatin", f"--threads={text}", f"--out={tmp_path}"])
+    assert done.exit_code == 2 and f"--threads = '{text}'" in done.output and "1 or more" in done.output
+
+
+def test_the_command_says_how_many_threads_it_took(tmp_path):
+    # Elements too large for use.
+    changes = ["width=10 mm", "length=10 mm", "height=5 mm", "thickness=1 mm", "numerics=fast", "element=P1"]
+    options = [f"--set={change}" for change in changes] + ["--h=2", "--depth=0.05", "--no-plane-strain"]
+    done = CliRunner().invoke(app, ["run3d", "gelatin", "--threads=2", *options, f"--out={tmp_path}"])
+    assert done.exit_code == 0, done.output
+    assert json.loads((tmp_path / "run.json").read_text(encoding="utf-8"))["platform"]["threads"] == 2
+    assert threads() == 1

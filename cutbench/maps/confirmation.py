@@ -1,10 +1,11 @@
 """Points of a plane-strain map run again in three dimensions: does the regime hold, and the numbers?
 
 Taken are the runs whose label is least certain, those nearest to the boundary by the measure that decides it,
-and the materials that the map marks. A block's elements are larger than a section's, so beside it stands the
-section with the block's numerics: what the two sections differ by is the numerics', what block and section
-differ by then is the third dimension's. A block confirms nothing where the two sections have other labels, or
-where its layers hold up a force that does not fall.
+and the materials that the map marks, or runs near them, as far as the blocks' layers are thinner than the
+cohesive zone: thicker ones hold the force up. A block's elements are larger than a section's, so beside it
+stands the section with the block's numerics: what the two sections differ by is the numerics', what block and
+section differ by then is the third dimension's. A block is judged by what its middle carries, which is the
+answer of a long blade; it confirms nothing where the two sections have other labels.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -29,7 +31,8 @@ from cutbench.maps import dataset as maps
 from cutbench.maps.dataset import case_on
 from cutbench.maps.guidance import margins_of
 from cutbench.maps.markers import ANOTHER, CONFIRMED, NUMERICS, RECORD, UNFINISHED
-from cutbench.run.block_cost import cost_sentence, expected_seconds, layers_sentence
+from cutbench.maps.plot_coordinates import is_log
+from cutbench.run.block_cost import cost_sentence, expected_seconds, layer_zones, layers_sentence
 from cutbench.run.files import read_run
 from cutbench.run.measures import ABRUPT, SMOOTH, UNDECIDED
 from cutbench.run.pool.pool import Job, TaskPool
@@ -55,7 +58,9 @@ class MapPoint:
 class Confirmed:
     """One point as a section, as a section with the block's numerics (``like``), and as a block.
 
-    ``ratio``: the block over the section of equal numerics, the effect of the ends.
+    ``ratio``: the block over the section of equal numerics, the effect of the ends; ``middle``: the block as
+    if all of its blade were as the middle, which ``label_3d`` is of; ``layer_zones``: its thickest layer over
+    the cohesive zone.
     """
 
     name: str
@@ -75,6 +80,8 @@ class Confirmed:
     three: dict[str, float] = field(default_factory=dict)
     ratio: dict[str, float] = field(default_factory=dict)
     wall_s: float = math.nan
+    middle: dict[str, float] = field(default_factory=dict)
+    layer_zones: float = math.nan
 
     @property
     def verdict(self) -> str:
@@ -91,18 +98,63 @@ class Confirmed:
 
 def least_certain(data: xr.Dataset, count: int) -> list[MapPoint]:
     """The ``count`` runs of a map that lie nearest to the boundary by their own measures, nearest first."""
-    labels = data["label"].values
-    decided = np.isin(labels, [maps.LABELS.index(name) for name in (SMOOTH, ABRUPT, UNDECIDED)])
-    near = margins_of(data)
-    places = maps.places_of(data)
-    distance = np.where(decided & np.isfinite(near), np.abs(near), np.inf).ravel()
-    order = np.argsort(distance, kind="stable")[:count]
-    points = []
+    return list(islice(_runs_by(data, np.abs(margins_of(data))), count))
+
+
+def _runs_by(data: xr.Dataset, far: np.ndarray) -> Iterator[MapPoint]:
+    """The runs of a map that have a regime, by how ``far`` they are from something, the nearest first."""
+    decided = np.isin(data["label"].values, [maps.LABELS.index(one) for one in (SMOOTH, ABRUPT, UNDECIDED)])
+    places, near = maps.places_of(data), margins_of(data).ravel()
+    distance = np.where(decided & np.isfinite(far), far, np.inf).ravel()
+    order = np.argsort(distance, kind="stable")
     for i in order[np.isfinite(distance[order])]:
         at = {name: float(values.ravel()[i]) for name, values in places.items()}
         text = ", ".join(f"{name} = {value:.4g}" for name, value in at.items())
-        points.append(MapPoint(text, at, case_on(data, at), float(near.ravel()[i])))
-    return points
+        yield MapPoint(text, at, case_on(data, at), float(near[i]))
+
+
+def resolved_points(
+    data: xr.Dataset, count: int, materials: bool, changes: Mapping[str, object] | None = None
+) -> tuple[list[MapPoint], list[str]]:
+    """Points whose cohesive zone the layers of their blocks, with ``changes``, resolve: the ``count`` least
+    certain runs, and for each marked material that does not itself the run nearest to it. Sentences say what
+    is left out. Raises BadInput where no run of the map can be resolved."""
+
+    def zones(point: MapPoint) -> float:
+        return layer_zones(block_case(point.case, changes))
+
+    def resolved(points: Iterator[MapPoint]) -> Iterator[MapPoint]:
+        return (point for point in points if not zones(point) > 1)
+
+    chosen = list(islice(resolved(_runs_by(data, np.abs(margins_of(data)))), count))
+    nearer = [one for one in least_certain(data, count) if one.at not in [point.at for point in chosen]]
+    said = [f"{one.name}: left out, layers are {zones(one):.2g} cohesive zones thick" for one in nearer]
+    for mark in marked_points(data) if materials else []:
+        thick = zones(mark)
+        beside = mark if not thick > 1 else next(resolved(_runs_by(data, _distances(data, mark))), None)
+        if beside is not None and beside.at not in [point.at for point in chosen]:
+            chosen.append(beside)
+        if beside is not mark:
+            instead = f"; near it: {beside.name}" if beside else ""
+            said.append(f"{mark.name}: left out, layers are {thick:.2g} cohesive zones thick{instead}")
+    if said and not chosen:
+        some = [block_case(point.case, changes) for point in _runs_by(data, np.abs(margins_of(data)))]
+        least = min(some, key=layer_zones)
+        enough = math.ceil(layer_zones(least) * (least.numerics.layers or 1))
+        raise BadInput(
+            "layers", least.numerics.layers,
+            f"layers no thicker than a cohesive zone: layers={enough} would do for the longest of the map",
+        )  # fmt: skip
+    return chosen, said
+
+
+def _distances(data: xr.Dataset, mark: MapPoint) -> np.ndarray:
+    """How far each run is from a place, over the lengths of the axes."""
+    parts = []
+    for name, values in maps.places_of(data).items():
+        scale = np.log if is_log(data[name]) else np.asarray
+        parts.append((scale(values) - scale(mark.at[name])) / max(float(np.ptp(scale(values))), 1e-300))
+    return np.sqrt(np.sum(np.square(parts), axis=0))
 
 
 def marked_points(data: xr.Dataset) -> list[MapPoint]:
@@ -244,14 +296,26 @@ def _stored_run(case: Case, folder: Path) -> Result | None:
 
 
 def _compared(data: xr.Dataset, point: MapPoint, flat: Result, like: Result, block: Result) -> Confirmed:
-    results = (flat, like, block)
+    results = (flat, like, _as_its_middle(block))
     labels, numbers = zip(*map(maps.regime_of(data).of, results), strict=True)
-    two, same, three = ({name: each[name] for name in COMPARED} for each in numbers)
+    two, same, middle = ({name: each[name] for name in COMPARED} for each in numbers)
+    whole = maps.regime_of(data).of(block)[1]
+    three = {name: whole[name] for name in COMPARED}
     ratio = {name: three[name] / same[name] if same[name] else math.nan for name in COMPARED}
     ended = [label if r.outcome.done else None for label, r in zip(labels, results, strict=True)]
     return Confirmed(
         point.name, dict(point.at), point.margin, flat.id, like.id, block.id,
         flat.outcome.kind, like.outcome.kind, block.outcome.kind,
         ended[0], ended[1], ended[2], two, same, three, ratio,
-        block.timings.get("total", math.nan),
+        block.timings.get("total", math.nan), middle, layer_zones(block.case),
     )  # fmt: skip
+
+
+def _as_its_middle(block: Result) -> Result:
+    """A blade of which all is as the middle of the ``block``, on which ligaments between cuts hold nothing
+    up."""
+    if "middle_force_N" not in block.curve:
+        return block
+    names = ("force_N", "cut_length_mm")
+    curve = {**block.curve, **{name: block.curve[f"middle_{name}"] for name in names}}
+    return replace(block, curve=curve, measures={})

@@ -65,16 +65,22 @@ def cost_sentence(name: str, seconds: float) -> str:
     return f"{name}: {f'about {duration(seconds)}' if math.isfinite(seconds) else 'its cost is not known'}"
 
 
+def layer_zones(block: Case) -> float:
+    """How many of its cohesive zones the thickest layer of a block is thick; nan where it has no layers."""
+    n = block.numerics
+    if not n.layers:
+        return math.nan
+    thickest = float(np.diff(planes(block.values["length"] / 2, n.layers, n.layer_ratio)).max())
+    return thickest / float(block.model.cohesive_zone(block.p))
+
+
 def layers_sentence(block: Case) -> str:
     """How far apart the planes of a block are beside its cohesive zone, and what that means; empty where it
     has no layers. In a small block falls are right to 0.004 where planes are one zone apart."""
-    n, zone = block.numerics, block.model.cohesive_zone(block.p)
-    if not n.layers:
+    zones, zone = layer_zones(block), block.model.cohesive_zone(block.p)
+    if math.isnan(zones):
         return ""
-    apart = float(np.diff(planes(block.values["length"] / 2, n.layers, n.layer_ratio)).max())
-    means = (
-        "planes give way one by one, and the force falls by too little"
-        if apart > zone
-        else "that resolves it"
-    )
-    return f"planes up to {apart:.2g} mm apart, {apart / zone:.2g} cohesive zones: {means}"
+    means = "that resolves it"
+    if zones > 1:
+        means = "planes give way one by one, and the force falls by too little"
+    return f"planes up to {zones * zone:.2g} mm apart, {zones:.2g} cohesive zones: {means}"

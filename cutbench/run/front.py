@@ -14,6 +14,7 @@ import numpy as np
 from cutbench.forms.base import blend
 from cutbench.forms.space import Faces
 from cutbench.forms.strips import Strips
+from cutbench.run.block_cost import layer_zones
 from cutbench.run.build import Built
 from cutbench.run.fields import snapshot
 from cutbench.run.measures import ONSET
@@ -32,6 +33,7 @@ FRONT: dict[str, tuple[str, str]] = {
         "1",
         "part of the blade along which ligaments are left between cuts at the end of the run",
     ),
+    "front_layer_zones": ("1", "thickness of the thickest layer along the blade over the cohesive zone"),
     "front_lateral_speed": ("mm/mm", "advance of the front from start to end, per blade travel"),
     "front_von_mises_start_MPa": ("MPa", "largest von Mises stress at the front where and when it starts"),
     "front_von_mises_running_MPa": ("MPa", "the same, mean over the strips that it reaches later"),
@@ -142,7 +144,7 @@ class Front(Observer):
 
     def measures(self) -> dict[str, float]:
         """The numbers of ``FRONT``; what did not happen is nan."""
-        out = dict.fromkeys(FRONT, math.nan)
+        out = dict.fromkeys(FRONT, math.nan) | {"front_layer_zones": layer_zones(self._built.case)}
         if self.onset.size == 0 or np.isnan(self.onset).all():
             return out
         first = int(np.nanargmin(self.onset))

@@ -68,10 +68,11 @@ def confirm(
     ] = None,
 ) -> None:
     """Run the least certain points of a map and its materials in three dimensions, compare, and mark them
-    in the phase diagram.
+    in the phase diagram: as far as the layers of blocks resolve their cohesive zone, else points near them.
 
-    Each point is run as the map has it, as a section with the block's numerics, and as a block: only where
-    the two sections agree can the block confirm. Options change blocks and the sections with their numerics.
+    Each point is run as the map has it, as a section with the block's numerics, and as a block, of which the
+    middle is judged: only where the two sections agree can it confirm. Options change blocks and the sections
+    with their numerics.
     What blocks cost is said before the first begins. Start the same command again to go on where it stopped.
     """
     hands = whole_number("--workers", workers) or 0
@@ -80,7 +81,7 @@ def confirm(
     from cutbench.base.errors import BadInput
     from cutbench.maps import dataset as maps
     from cutbench.maps.confirmation import confirm as compare
-    from cutbench.maps.confirmation import least_certain, marked_points
+    from cutbench.maps.confirmation import resolved_points
     from cutbench.maps.dataset import remarks
     from cutbench.maps.markers import FOLDER, NUMERICS, RECORD, UNFINISHED
     from cutbench.maps.phase import save_phase
@@ -97,7 +98,9 @@ def confirm(
     data = maps.load_map(map_)
     for note in remarks(data):
         typer.echo(note)
-    chosen = least_certain(data, 3 if count is None else count) + (marked_points(data) if materials else [])
+    chosen, left_out = resolved_points(data, 3 if count is None else count, materials, asked)
+    for sentence in left_out:
+        typer.echo(sentence)
     if not chosen:
         expected = "points to compare: the map has none that were computed"
         raise BadInput("--points", str(count), expected)
@@ -112,11 +115,11 @@ def confirm(
     pairs = {"onset_mm": "onset (mm)", "peak_N": "peak (N)", "drop_rel": "drop"}
     rows = [
         (point.name, " / ".join(str(one) for one in (point.label_2d, point.label_like, point.label_3d)),
-         *(" / ".join(f"{one[k]:.3g}" for one in (point.two, point.like, point.three)) for k in pairs),
+         *(" / ".join(f"{one[k]:.3g}" for one in (point.two, point.like, point.middle)) for k in pairs),
          point.verdict)
         for point in done
     ]  # fmt: skip
-    title = "section / section with the block's numerics / block"
+    title = "section / section with the block's numerics / the block's middle"
     show(Table(("point", "label", *pairs.values(), "verdict"), rows, title))
     for point in done:
         ends = f"onset {point.ratio['onset_mm']:.3g}, peak {point.ratio['peak_N']:.3g}"
