@@ -168,6 +168,9 @@ Limit = Annotated[
     typer.Option(metavar="TIME", help="No longer than this, in s or with a unit: '10 min'; what is known then"
                  " is told."),
 ]  # fmt: skip
+ByAtlas = Annotated[
+    bool, typer.Option("--estimate", help="Take cuts from the atlas: no run is computed, it is soon done.")
+]
 Refine = Annotated[
     bool, typer.Option(help="Measure the error of the computation on a finer mesh on the way.")
 ]
