@@ -394,6 +394,21 @@ class Model:
         """
         return tuple(map(all, zip(*(law.mirrored(p) for law in self.laws("bulk")), strict=True)))
 
+    def turned(self, angle: float) -> dict[str, float]:
+        """Say what laws with a direction read of a specimen that was cut out of its body at an angle.
+
+        Parameters
+        ----------
+        angle : float, rad
+            That of the specimen.
+
+        Returns
+        -------
+        dict of str to float
+            Values by parameter; none where no law has a direction.
+        """
+        return {law.directed: angle for law in self.all if law.directed}
+
     @property
     def tool(self) -> Tool | None:
         """The law by which the blade meets the specimen, None where there is none."""
