@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,9 +11,15 @@ from coarse_runs import QUICK
 from refusals import refused
 from scipy.optimize import minimize
 
+from cutbench.calibration.parameters import free_parameters
 from cutbench.case.case import Case, load_case
 from cutbench.case.model import Model
-from cutbench.homogeneous import LoadingHistory, respond
+from cutbench.data.campaign import Campaign, load_campaign, start_case
+from cutbench.data.experiment import Experiment
+from cutbench.data.repetition import Repetition
+from cutbench.discovery import discover
+from cutbench.discovery.candidates import candidates
+from cutbench.homogeneous import LoadingHistory, predict, respond
 from cutbench.mechanisms import registry
 from cutbench.mechanisms.base import STEP, Answer, Points
 from cutbench.run.build import geometry_of
@@ -132,6 +139,97 @@ def test_beyond_its_reach_the_stress_goes_on_straight():
     P, W = law.stress(F, p, {}, Points())[0], law.energy(F, p, {}, Points())
     along = P[0, 0] - P[2, 2] * x**-1.5
     np.testing.assert_allclose(along[1:-1], (W[2:] - W[:-2]) / (x[2:] - x[:-2]), rtol=2e-3)
+
+
+# -- campaigns ---------------------------------------------------------------------------------------
+SHEET = """material = "elastomer"
+baseline = ["neo_hookean", "volumetric"]
+candidates = ["fibres", "gent"]
+"""
+STRIP = """
+[[experiment]]
+id = "{0}"
+kind = "uniaxial"
+data = "{0}.csv"
+columns = {{ stretch = "x", stress = "y", repetition = "r" }}
+units = {{ stretch = "1", stress = "MPa" }}
+angle = "{1} deg"
+"""
+
+
+def sheet(folder, angles, stress):
+    """A campaign of strips that were cut out at ``angles``, with a ``stress(stretch, angle)``."""
+    rng, x = np.random.default_rng(1), np.linspace(1.02, 1.5, 30)
+    for k, angle in enumerate(angles):
+        rows = [
+            f"{r},{a:.5g},{b:.6g}"
+            for r in range(3)
+            for a, b in zip(x, stress(x, angle) * (1 + 0.02 * rng.standard_normal()), strict=True)
+        ]
+        (folder / f"t{k}.csv").write_text("r,x,y\n" + "\n".join(rows) + "\n")
+    text = SHEET + "".join(STRIP.format(f"t{k}", angle) for k, angle in enumerate(angles))
+    (folder / "campaign.toml").write_text(text)
+    return load_campaign(folder / "campaign.toml")
+
+
+def reinforced(x, angle):
+    """A standard reinforcing sheet (Qiu & Pence 1997), of a quadratic in Ī₄, along and across its fibres."""
+    by_fibre = 0.08 * (x**2 - 1) * x if angle == 0 else 0.04 * (1 / x - 1) * -(x**-2.0)
+    return 0.06 * (x - x**-2) + by_fibre
+
+
+def test_an_experiment_says_how_its_specimens_were_cut_out(tmp_path):
+    campaign = sheet(tmp_path, (0, 45), lambda x, angle: 0.06 * (x - x**-2))
+    first, second = campaign.experiments
+    assert (first.angle, second.angle) == (0.0, pytest.approx(np.radians(45)))
+    assert campaign.angles == {0, 45}
+    model = Model(("neo_hookean", "fibres", "volumetric"))
+    p = SimpleNamespace(**{**vars(numbers()), "nu": 0.49})
+    turned = SimpleNamespace(**{**vars(p), "fibre_angle": -second.angle})
+    alike = predict(second, model, p), predict(first, model, turned)
+    np.testing.assert_allclose(*alike, rtol=1e-9)
+    assert predict(first, model, p)[-1] > 1.5 * alike[0][-1]
+    assert "fibre_angle" in {u.name for u in free_parameters(fibred(campaign))}
+    along = sheet(tmp_path, (180, 0), lambda x, angle: 0.06 * (x - x**-2))
+    assert "fibre_angle" not in {u.name for u in free_parameters(fibred(along))}
+
+
+def fibred(campaign):
+    """The same with fibres in its baseline."""
+    base, _ = start_case("elastomer", baseline=["neo_hookean", "volumetric", "fibres"], kinds=["uniaxial"])
+    return replace(campaign, base=base.set(g_f=1.0), candidates=())
+
+
+def test_fibres_are_asked_for_where_specimens_were_cut_out_at_two_angles(tmp_path):
+    for angles, asked in (((0, 90), True), ((0, 0), False), ((0, 180), False)):
+        campaign = sheet(tmp_path, angles, lambda x, angle: 0.06 * (x - x**-2))
+        found, left_out = candidates(campaign, campaign.base, ())
+        assert ("fibres" in {c.name for c in found}) == asked == ("fibres" not in left_out)
+    said = " ".join(discover(replace(campaign, candidates=("fibres",)), workers=0).notes)
+    assert "fibres" in said and "two angles" in said
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("stress", "names"), [(reinforced, True), (lambda x, angle: reinforced(x, 0), False)]
+)
+def test_hidden_fibres_are_found_and_others_are_not_named(tmp_path, stress, names):
+    found = discover(sheet(tmp_path, (0, 90), stress), workers=0)
+    assert found.verdict == "mechanism" and ("fibres" in found.names) == names, found.names
+
+
+def test_a_cut_has_the_angle_of_its_specimen_and_its_own_slice_push_ratio():
+    readings = Repetition(np.linspace(0.1, 3, 20), np.linspace(0.1, 1, 20))
+    sizes = {"specimen": {"width": 20.0, "length": 30.0, "height": 14.0}, "blade": {"thickness": 0.7}}
+    cut = Experiment("cut", "cut", (readings,), speed=0.02, angle=np.radians(30), slice_push=2.0, **sizes)
+    plain = replace(cut, id="plain", angle=0.0, slice_push=None)
+    base = load_case("gelatin", {"with": "fibres", "g_f": 1.0, "slice_push": 0.5})
+    campaign = Campaign("two cuts", base, (cut, plain))
+    assert [campaign.case(e)["slice_push"] for e in (cut, plain)] == ["2", "0.5"]
+    assert [campaign.case(e)["specimen_angle"] for e in (cut, plain)] == ["30 deg", "0 deg"]
+    assert geometry_of(campaign.case(cut)).split and not geometry_of(campaign.case(plain)).split
+    with refused("angle", hint="rad"):
+        replace(cut, angle=30.0)
 
 
 # -- parts and wholes --------------------------------------------------------------------------------
