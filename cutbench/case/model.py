@@ -224,10 +224,11 @@ class Model:
                     kin[:1] or [type(old)]
                 )
                 require(special, "with", name, f"a mechanism that has {old.name} as a special case")
-            for q in new:
+            model = model.with_(name)
+            # With what it reads of a law that is not there.
+            for q in (q for q in model.parameters().values() if q.name not in known):
                 start = next(v for v in (q.off, q.default, q.typical) if v is not None)
                 values[q.name] = start * q.factor
-            model = model.with_(name)
         return model, values
 
     @property
