@@ -21,7 +21,7 @@ STATEMENTS = {
     "solver": 1829,
     "models2d": 133,
     "models3d": 227,
-    "run": 3970,
+    "run": 3974,
     "emulator": 1069,
     "maps": 3117,
     "data": 2849,

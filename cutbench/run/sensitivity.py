@@ -80,7 +80,12 @@ class Added(NamedTuple):
 
     def shares_unknowns_with(self, base: Case) -> bool:
         """Whether its unknowns are those of ``base``, which lacks the laws: no run of its own is needed."""
-        same = self.case.model.laws("support") == base.model.laws("support")
+        own = self.case.model.parameters()
+        acting = {name: own[name].typical * own[name].factor for name in self.names}
+        model, p = self.case.model, replace(self.case, values={**self.case.values, **acting}).p
+        same = model.laws("support") == base.model.laws("support")
+        # What is oblique, once it acts, takes more than the part that stands for the whole without it.
+        same = same and model.mirrored(p) == base.model.mirrored(base.p)
         return same and base.numerics.element != "P2P1"
 
 
