@@ -68,8 +68,8 @@ BY_FORMULA = {
     "drift": ("reading",),
     "stated nu": _VOLUME,
 }
-#: Of sheets that are pulled at two angles, and one angle more that is predicted, in degrees. What is a quarter
-#: turn apart does not tell to which side of 0 fibres lie: there a wide strip is predicted, along one of the two.
+#: Of sheets that are pulled at two angles, and one angle more that is predicted, in degrees. Two that are a
+#: quarter turn apart do not tell to which side of 0 fibres lie: a wide strip along one of them is predicted.
 ANGLES = ((0, 90, 0), (0, 45, 90), (0, 60, 30), (30, 90, 0))
 #: What else may be hidden there.
 UNDIRECTED = ("Fung", "Zener", "compliance")

@@ -189,8 +189,8 @@ def _values(q: Parameter, campaign: Campaign, count: int, taken: Sequence[float]
     low, high = q.bounds
     if low < 0 < high:  # not a size: an angle, say
         reach = min(high, math.pi)
-        # As many that none is half a turn from another; none a bound, nor where a test is its own mirror image
-        # and no derivative by the angle says to which side it should turn.
+        # As many that none is half a turn from another; none a bound, nor where tests are their own mirror
+        # images, so that no derivative says to which side it should turn.
         return list(reach * (2 * (np.arange(count | 1) + 1 / 8) / (count | 1) - 1))
     span = _span(q, campaign)
     around = [q.typical * q.factor * part for part in FACTORS_OF_TYPICAL[:count]]
