@@ -87,6 +87,6 @@ def test_what_changes_the_unknowns_needs_a_run_of_its_own(case):
     for angle, shares in ((0, True), (90, True), (30, False)):
         law = added(case, "fibres", "g_f")
         turned = {**law.case.values, **law.case.model.turned(np.radians(angle))}
-        assert law._replace(case=replace(law.case, values=turned)).shares_unknowns_with(case) == shares
+        assert Added(replace(law.case, values=turned), law.names).shares_unknowns_with(case) == shares
     mixed = load_case("gelatin", {**CHOICES, "element": "P2P1"})
     assert not added(mixed, "maxwell", "g_1").shares_unknowns_with(mixed)
