@@ -2,9 +2,10 @@
 
 Campaigns with a hidden cause are made up (``benchmarks.blind_campaigns``) and written as files. The search
 reads those and nothing else; its answer is then held against what was hidden. FAMILY is ``homogeneous``,
-``cut`` or ``mixed``. The folder keeps every row, the runs of each search and the computed truths, and the
-table; the same command goes on from it, at the same commit only. The seeds in ``DEVELOPMENT`` are for
-working on a method; a result comes from a seed that nobody has run before. Exit status 2 for bad input.
+``cut``, ``mixed``, ``measures`` or ``fibres``. The folder keeps every row, the runs of each search and the
+computed truths, and the table; the same command goes on from it, at the same commit only. The seeds in
+``DEVELOPMENT`` are for working on a method; a result comes from a seed that nobody has run before. Exit
+status 2 for bad input.
 """
 
 from __future__ import annotations
@@ -82,7 +83,7 @@ def judge(truth: Truth, a: Answer) -> dict:
     hidden = {name for names in planned.classes for name in names}
     groups = [{family_of(n) for n in group} for group in a.groups]
     named: set[str] = set().union(*groups) if groups else set()
-    excused = planned.family != "homogeneous" and planned.sort == "none"
+    excused = planned.family not in ("homogeneous", "fibres") and planned.sort == "none"
     wrong = [
         family_of(n) for n, group in zip(a.found, groups, strict=False)
         if not group & hidden and not (excused and cause_of(n) in ("parameter", "numerical"))

@@ -261,7 +261,7 @@ def comparison_round(null: Estimated, seed: int, on_progress: OnProgress = silen
     scores = score(sensed, null.w.noise, null.at.residual, seed=seed)
     known, failed = {s.name for s in scores.scores}, dict[str, str]()
     for c in (c for c in chosen if c.name not in known):
-        if c.slot == "support":
+        if c.slot == "support" or (c.name in registry() and registry()[c.name].directed):
             left_out[c.name] = "it changes what is solved for, so that no run says what it would do first"
         else:
             by_atlas = null.posterior.predictions.by_atlas and any(c.acts_on(e) for e in null.posterior.cuts)

@@ -48,7 +48,10 @@ def next_tests(first: Estimated, second: Estimated) -> list[Proposal]:
         known = 0.0
         for text, kind, history in _histories(e):
             try:
-                cases = (first.case, second.case)
+                cases = (
+                    replace(f.case, values={**f.case.values, **f.case.model.turned(e.angle)})
+                    for f in (first, second)
+                )
                 a, b = (respond(kind, history, c.model, c.p, direction=e.direction) for c in cases)
             except (ComputationFailed, BadInput):
                 continue

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -110,6 +110,7 @@ def _by_runs(null: Estimated, asked: Sequence[Candidate]) -> SensitivityParts:
         for c in asked:
             with suppress(BadInput):
                 more = extended(case, c.added, c.grid[len(c.grid) // 2])
+                more = replace(more, values={**more.values, **more.model.turned(e.angle)})
                 if (added := Added(more, tuple(s.name for s in c.strengths))).shares_unknowns_with(case):
                     beside[e.id].append((c, added))
     # The pool has one list of laws a call, and each test's hold the sizes of its own specimen.

@@ -19,7 +19,7 @@ from cutbench.calibration.fitting import INTERRUPTED, LATE, UNDER_WAY, Fit, Fitt
 from cutbench.calibration.parameters import free_parameters
 from cutbench.calibration.posterior import Estimated
 from cutbench.data.campaign import Campaign
-from cutbench.discovery.candidates import NO_TIME_MEASURED, baseline_of, family_of
+from cutbench.discovery.candidates import NO_TIME_MEASURED, ONE_ANGLE, baseline_of, family_of
 from cutbench.discovery.comparison import (
     Comparison,
     ComparisonRound,
@@ -319,9 +319,9 @@ def _result(campaign: Campaign, fit: Fit, known: _SearchState, seconds: float, s
     notes = list(fit.notes)
     if known.stopped:
         notes.insert(0, f"Not at its end ({known.stopped}): what else there may be was not asked.")
-    timed = [name for name, why in steps[0].left_out.items() if why == NO_TIME_MEASURED] if steps else []
-    if timed:
-        notes.append(f"What depends on time is not asked ({', '.join(timed)}): {NO_TIME_MEASURED}.")
+    for what, reason in (("depends on time", NO_TIME_MEASURED), ("has a direction", ONE_ANGLE)):
+        if mute := [name for name, why in steps[0].left_out.items() if why == reason] if steps else []:
+            notes.append(f"What {what} is not asked ({', '.join(mute)}): {reason}.")
     return Discovery(
         campaign, fit, verdict, tuple(found), tuple(steps), final, known.numerics, told, clean,
         tuple(sections(baseline)) if baseline else (), tuple(sections(final)) if final else (),
