@@ -2,9 +2,10 @@
 
 Campaigns with a hidden cause are made up (``benchmarks.blind_campaigns``) and written as files. The search
 reads those and nothing else; its answer is then held against what was hidden. FAMILY is ``homogeneous``,
-``cut`` or ``mixed``. The folder keeps every row, the runs of each search and the computed truths, and the
-table; the same command goes on from it, at the same commit only. The seeds in ``DEVELOPMENT`` are for
-working on a method; a result comes from a seed that nobody has run before. Exit status 2 for bad input.
+``cut``, ``mixed``, ``measures`` or ``fibres``. The folder keeps every row, the runs of each search and the
+computed truths, and the table; the same command goes on from it, at the same commit only. The seeds in
+``DEVELOPMENT`` are for working on a method; a result comes from a seed that nobody has run before. Exit
+status 2 for bad input.
 """
 
 from __future__ import annotations
@@ -82,7 +83,7 @@ def judge(truth: Truth, a: Answer) -> dict:
     hidden = {name for names in planned.classes for name in names}
     groups = [{family_of(n) for n in group} for group in a.groups]
     named: set[str] = set().union(*groups) if groups else set()
-    excused = planned.family != "homogeneous" and planned.sort == "none"
+    excused = planned.family not in ("homogeneous", "fibres") and planned.sort == "none"
     wrong = [
         family_of(n) for n, group in zip(a.found, groups, strict=False)
         if not group & hidden and not (excused and cause_of(n) in ("parameter", "numerical"))
@@ -117,7 +118,9 @@ def _gain(truth: Truth, a: Answer) -> float | None:
     return float(1 - math.sqrt(errors[1] / errors[0])) if errors[0] > 0 else None
 
 
-def searched(truth: Truth, folder: Path, workers: int, limit_s: float, on_progress: Callable) -> dict:
+def searched(
+    truth: Truth, folder: Path, workers: int, limit_s: float, on_progress: Callable, by_atlas: bool = False
+) -> dict:
     """One search, and its row of the table. A search that fails says nothing, which is not right."""
     p, began, cpu = truth.planned, time.perf_counter(), sum(os.times()[:4])
     about = {
@@ -127,8 +130,9 @@ def searched(truth: Truth, folder: Path, workers: int, limit_s: float, on_progre
     }  # fmt: skip
     try:
         d = discover(
-            load_campaign(truth.file), workers=workers, store=folder, limit_s=limit_s, on_progress=on_progress
-        )
+            load_campaign(truth.file), workers=workers, store=folder, limit_s=limit_s,
+            on_progress=on_progress, by_atlas=by_atlas,
+        )  # fmt: skip
         said = {**judge(truth, Answer.of(d)), "ended": d.stopped}
     except ComputationFailed as error:
         nothing = Answer("undecided", (), (), None, {}, {}, {})
@@ -230,6 +234,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--workers", type=int, default=0, help="processes of a search; default: this one")
     parser.add_argument("--limit", default="10 h", help="how long a search may take, such as '30 min'")
     parser.add_argument("--within", default="1000 h", help="how long after the start a case may begin")
+    parser.add_argument("--estimate", action="store_true", help="cuts of the atlas, and no runs")
     parser.add_argument("--progress", action="store_true", help="show what the search does")
     args = parser.parse_args(argv)
     try:
@@ -238,14 +243,14 @@ def main(argv: Sequence[str] | None = None) -> int:
         parser.error(str(error))
     asked = {
         "family": args.family, "cases": args.cases, "seed": args.seed, "limit_s": limit_s,
-        "workers": args.workers, "at": here(),
+        "workers": args.workers, "at": here(), **({"by_atlas": True} if args.estimate else {}),
     }  # fmt: skip
     args.out.mkdir(parents=True, exist_ok=True)
     file = args.out / f"{args.family}-{args.seed}.json"
     kept: dict = {**asked, "machine": facts(), "rows": []}
     if file.exists():
         old = json.loads(file.read_text(encoding="utf-8"))
-        if {k: old[k] for k in asked} != asked:
+        if {k: old.get(k) for k in asked} != asked:
             parser.error(f"--out: '{file}' is of another call or commit; expected another folder")
         kept = old
     show = _shown_progress if args.progress else silent
@@ -264,7 +269,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         except CutbenchError as error:  # what cannot be computed, or no reader would believe
             print(f"{planned.number:3d} {planned.effects} is not made: {error}", flush=True)
             continue
-        r = searched(truth, folder / "runs", args.workers, limit_s, show)
+        r = searched(truth, folder / "runs", args.workers, limit_s, show, args.estimate)
         kept["rows"].append(r)
         print(
             f"{planned.number:3d} {' + '.join(r['effects']) or 'nothing':32s} {', '.join(r['how']):30s}"

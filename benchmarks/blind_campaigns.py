@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.formulas import ALIEN, AREA, LENGTH, Body, alien, ramp
+from benchmarks.formulas import ALIEN, AREA, FIBRED, LENGTH, Body, FibredBody, alien, ramp
 from cutbench.base.errors import ComputationFailed, CutbenchError
 from cutbench.base.files import replacing
 from cutbench.case.case import Case, load_case
@@ -40,7 +40,7 @@ Run = Callable[[Case], Any]
 Made = tuple[list[str], dict[str, float], list["Curve"]]
 Clean = tuple[np.ndarray | None, np.ndarray, np.ndarray]
 
-FAMILIES = ("homogeneous", "cut", "mixed", "measures")
+FAMILIES = ("homogeneous", "cut", "mixed", "measures", "fibres")
 #: What is read off cuts of which no curve is given, and the scatter of each number, as a part of it; of a
 #: relative fall, of the force.
 READ, OFF = ("onset", "peak", "drop", "plateau", "slope", "firmness", "work"), 0.05
@@ -68,6 +68,11 @@ BY_FORMULA = {
     "drift": ("reading",),
     "stated nu": _VOLUME,
 }
+#: Of sheets that are pulled at two angles, and one angle more that is predicted, in degrees. Two that are a
+#: quarter turn apart do not tell to which side of 0 fibres lie: a wide strip along one of them is predicted.
+ANGLES = ((0, 90, 0), (0, 45, 90), (0, 60, 30), (30, 90, 0))
+#: What else may be hidden there.
+UNDIRECTED = ("Fung", "Zener", "compliance")
 #: The package's own laws that are hidden, by the tests that show them.
 LAWS = {
     "bulk": ("gent", "yeoh", "compressible", "maxwell", "maxwell2", "mullins"),
@@ -143,7 +148,8 @@ class Planned:
     @property
     def classes(self) -> tuple[tuple[str, ...], ...]:
         """Of each effect, the classes of which a right answer names one."""
-        known = {**BY_FORMULA, **(OF_CUTS if self.family != "homogeneous" else {})}
+        cuts = self.family not in ("homogeneous", "fibres")
+        known = {**BY_FORMULA, **dict.fromkeys(FIBRED, ("anisotropy",)), **(OF_CUTS if cuts else {})}
         return tuple(known.get(e) or (family_of(e),) for e in self.effects if e not in ALIEN)
 
 
@@ -205,9 +211,14 @@ class Curve:
 def plan(family: str, cases: int, seed: int) -> list[Planned]:
     """A fifth hides nothing, an effect of a fifteenth no candidate has; of homogeneous tests a sixth has two.
 
-    The others take turns, in an order of this seed.
+    The others take turns, in an order of this seed. Of sheets half have fibres, a quarter another effect.
     """
     rng = np.random.default_rng([seed, FAMILIES.index(family)])
+    if family == "fibres":
+        sheets = [(FIBRED[k % 3],) for k in range(cases // 2)]
+        sheets += [(UNDIRECTED[k % 3],) for k in range(cases // 4)]
+        sheets += [()] * (cases - len(sheets))
+        return [Planned(i, family, sheets[k], (BY_OTHERS,)) for i, k in enumerate(rng.permutation(cases))]
     none, strange = max(1, round(cases / 5)), round(cases / 15)
     two = round(cases / 6) if family == "homogeneous" else 0
     pool = [*BY_FORMULA, *(e for laws in LAWS.values() for e in laws)]
@@ -275,7 +286,9 @@ def make(
     drawn = int(rng.choice(SPECIMENS))
     specimens = specimens or drawn
     scatter, noise = float(rng.uniform(*SCATTER)), float(rng.choice(NOISES))
-    if planned.family != "homogeneous":
+    if planned.family == "fibres":
+        head, values, curves = _sheets(planned.effects, noise, rng)
+    elif planned.family != "homogeneous":
         head, values, curves = _cuts(planned, rng, truths, run)
     elif planned.how[0] == BY_OTHERS:
         head, values, curves = _by_formula(planned.effects, noise, rng)
@@ -391,6 +404,35 @@ def _by_formula(effects: tuple[str, ...], noise: float, rng: np.random.Generator
     head = ['material = "elastomer"', 'baseline = ["neo_hookean", "volumetric"]', "[parameters]"]
     head.append(f'G = "{1e3 * body.G * rng.uniform(0.7, 1.4):.3g} kPa"')
     return [*head, f"nu = {body.stated_nu:.4f}"], {"G": body.G}, curves
+
+
+def _sheets(effects: tuple[str, ...], noise: float, rng: np.random.Generator) -> Made:
+    """The same of a sheet out of which specimens were cut at two angles, and at one that is predicted."""
+    angles, far = ANGLES[int(rng.integers(len(ANGLES)))], rng.uniform(1.3, 1.9)
+    ways = [
+        ("first", "uniaxial", "train", ramp(0.005, far, back=True)),
+        ("second", "uniaxial", "train", ramp(0.1, 1 + 0.9 * (far - 1), back=True)),
+        (
+            "third",
+            "pure_shear" if 0 in np.diff(sorted(angles)) else "uniaxial",
+            "test",
+            ramp(0.02, 1 + 0.8 * (far - 1)),
+        ),
+    ]
+    for _ in range(50):
+        body, curves = FibredBody(effects, rng), []
+        for way, angle in zip(ways, angles, strict=True):
+            body.angle = math.radians(angle)
+            made = _pulled(body, *way, "", {})
+            curves.append(replace(made, header=[*made.header, f'angle = "{angle} deg"']))
+        if not effects or SHOWN[0] < missed(curves[:2]) / noise < SHOWN[1]:
+            break
+    head = ['material = "elastomer"', 'baseline = ["neo_hookean", "volumetric"]', "[parameters]"]
+    return (
+        [*head, f'G = "{1e3 * body.G * rng.uniform(0.7, 1.4):.3g} kPa"', "nu = 0.4999"],
+        {"G": body.G},
+        curves,
+    )
 
 
 def _pulled(

@@ -4,18 +4,23 @@ Nothing here imports the package. A ``Body`` is one material on one machine, in 
 scipy. Its laws are eight chains (Arruda and Boyce 1993, five terms), Fung (1967) and Kilian's van der Waals
 (1981) for stiffening; a Zener body at finite strain and a stretched exponential (Kohlrausch 1854) for
 relaxation; Zúñiga and Beatty (2002) and Elías-Zúñiga (2005) for softening; Blatz and Ko (1962) for a change
-of volume. Machines give way, gauges are longer than stated, records begin late or drift.
+of volume. A ``FibredBody`` has fibres by Qiu and Pence (1997), Humphrey and Yin (1987) or spread in the plane
+as Lanir (1983) has them, and is sheared as it is pulled until its energy is least. Machines give way, gauges
+are longer than stated, records begin late or drift.
 """
 
 from __future__ import annotations
 
 import numpy as np
 from scipy.integrate import solve_ivp
-from scipy.optimize import brentq
+from scipy.interpolate import CubicSpline
+from scipy.optimize import brentq, minimize
 
 LENGTH, AREA = 40.0, 25.0  # mm, mm²
 #: What no candidate has: a force that swings, one that jumps half way, one that softens with the way gone.
 ALIEN = ("swing", "jump", "fade")
+#: Fibres of a ``FibredBody``.
+FIBRED = ("Qiu-Pence", "Humphrey-Yin", "Lanir")
 #: Points of a ramp.
 POINTS = 120
 
@@ -155,6 +160,53 @@ class Body:
         if "Elias-Zuniga" in self.effects:
             return np.exp(-self.softer * np.sqrt((most - m) * m / most))
         return np.ones_like(x)
+
+
+class FibredBody(Body):
+    """A sheet of one material, of which specimens are cut out at an ``angle`` (rad) and pulled."""
+
+    def __init__(self, effects: tuple[str, ...], rng: np.random.Generator):
+        super().__init__(effects, rng)
+        self.stiff = float(np.exp(rng.uniform(np.log(0.15), np.log(1.5))))  # over G
+        self.steep = rng.uniform(0.5, 4)
+        self.spread_rad = rng.uniform(0.15, 0.5)
+        #: Where they lie: whoever cut specimens took them to lie at 0.
+        self.lie = np.radians(rng.uniform(-15, 15))
+        self.angle = 0.0
+
+    def _equilibrium(self, mode: str, x: np.ndarray) -> np.ndarray:
+        if self.effects[:1] not in [(each,) for each in FIBRED]:
+            return super()._equilibrium(mode, x)
+        to, free, P = np.linspace(1, x[np.argmax(np.abs(x - 1))], 33), np.array([0.0, 1.0]), []
+        for one in to:
+            if mode == "uniaxial":
+                free = minimize(lambda free, one=one: self._stored(one, *free) / self.G, free, tol=1e-10).x
+            P.append((self._stored(one + 1e-5, *free) - self._stored(one - 1e-5, *free)) / 2e-5)
+        return CubicSpline(to, P)(x)
+
+    def _stored(self, x: float, s: float, m: float) -> float:
+        """Of F = [[x, s, 0], [0, m, 0], [0, 0, 1/(x m)]]."""
+
+        def stretch(angle):
+            """Squared, along ``angle`` in the body."""
+            a, b = np.cos(angle - self.angle), np.sin(angle - self.angle)
+            return (x * a + s * b) ** 2 + (m * b) ** 2
+
+        I4, k = stretch(self.lie), self.stiff * self.G
+        fibres = {
+            "Qiu-Pence": lambda: k * (I4 - 1) ** 2 / 2,
+            "Humphrey-Yin": lambda: k * (np.exp(self.steep * max(I4**0.5 - 1, 0) ** 2) - 1),
+            "Lanir": lambda: 2 * k * self._spread(stretch),
+        }[self.effects[0]]()
+        return self.G / 2 * (x**2 + s**2 + m**2 + (x * m) ** -2 - 3) + fibres
+
+    def _spread(self, stretch) -> float:
+        """Straight fibres in all directions of the plane, most about where they lie: each resists its
+        stretch, and no compression."""
+        off = np.linspace(-np.pi / 2, np.pi / 2, 60, endpoint=False)
+        weight = np.exp((np.cos(2 * off) - 1) / (4 * self.spread_rad**2))
+        pulled = np.maximum(np.sqrt(stretch(self.lie + off)) - 1, 0) ** 2
+        return float(weight @ pulled / weight.sum())
 
 
 def _power(mode: str) -> int:

@@ -1,7 +1,7 @@
 """``python docs/pictures.py [NAME …]``: the pictures of the tutorials, from the commands that stand there.
 
-A page of HTML is photographed by Chromium, where there is one. ``tools``, ``readings``, ``rooms`` and
-``slicing`` are drawn here.
+A page of HTML is photographed by Chromium, where there is one. ``tools``, ``readings``, ``rooms``,
+``slicing`` and ``edge-stress`` are drawn here.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ import cutbench
 from cutbench.base.figure_style import DOUBLE_MM, LINE_COLOURS, new_figure, save, style
 from cutbench.data.contact import find_contact
 from cutbench.mechanisms import registry
+from cutbench.run.figures.section import Half, draw_half
 
 HERE = Path(__file__).resolve().parent
 FIGURES = HERE / "figures"
@@ -201,8 +202,43 @@ def slicing() -> None:
         save(figure, FIGURES / "slicing.png")
 
 
+def edge_stress() -> None:
+    """Stress across the cut plane under a wedge that rubs, pushed and drawn, where neither has cut yet."""
+    travel, ends, reach = 3.9, 25.0, 0.22  # mm; colours end at so many G; mm
+    with style():
+        figure = new_figure(DOUBLE_MM, 70)
+        panels = figure.subplots(1, 2, sharey=True)
+        for axes, ratio in zip(panels, (0.0, 2.0), strict=True):
+            run = cutbench.run2d(
+                "gelatin_recalibrated", mu=0.05, slice_push=ratio, depth=f"{travel} mm", snapshots_mm=[travel]
+            )
+            half, G = Half(run.snapshots[-1]), run.case.p.G
+            half.stress_kPa = run.snapshots[-1].point_data["cauchy"][:, 0] / G
+            colours = draw_half(axes, half, run.case, ends, line=0.1)
+            for each in axes.collections:
+                if each.get_cmap() is not None and each.get_array() is not None:
+                    each.set(cmap="RdBu_r", clim=(-ends, ends))
+            apex = run.case.p.height - travel
+            axes.set(xlim=(-reach, reach), ylim=(apex - 0.7 * reach, apex + 0.7 * reach), xlabel="width (mm)")
+            axes.set_title(
+                f"pushed and drawn, ξ = {ratio:g}" if ratio else "pushed", loc="left", fontsize=8.5
+            )
+        panels[0].set_ylabel("height (mm)")
+        figure.colorbar(
+            colours, ax=panels, label="stress across the cut plane, over G", extend="both", shrink=0.75
+        )
+        save(figure, FIGURES / "edge-stress.png")
+
+
 if __name__ == "__main__":
-    drawn_here = {"tools": profiles, "readings": readings, "rooms": rooms, "slicing": slicing}
+    drawn_here = {
+        "tools": profiles,
+        "readings": readings,
+        "rooms": rooms,
+        "slicing": slicing,
+        "edge-stress": edge_stress,
+    }
+
     asked = sys.argv[1:] or [*PICTURES, *drawn_here]
     with tempfile.TemporaryDirectory() as folder:
         for name in asked:

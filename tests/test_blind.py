@@ -17,6 +17,7 @@ from looped import over
 from benchmarks import formulas
 from benchmarks.blind import Answer, judge, main, page, summary
 from benchmarks.blind_campaigns import (
+    ANGLES,
     BY_FORMULA,
     DOUBLE,
     FAMILIES,
@@ -25,6 +26,7 @@ from benchmarks.blind_campaigns import (
     OF_CUTS,
     OTHERWISE,
     SPEEDS,
+    UNDIRECTED,
     Curve,
     Gel,
     Planned,
@@ -49,7 +51,7 @@ def body(*effects, **values):
 
 
 # -- what is planned ----------------------------------------------------------------------------------
-@pytest.mark.parametrize("family", FAMILIES)
+@pytest.mark.parametrize("family", [family for family in FAMILIES if family != "fibres"])
 def test_a_fifth_hides_nothing_and_all_effects_take_turns(family):
     planned = plan(family, 120, SEED)
     sorts = Counter(p.sort for p in planned)
@@ -60,6 +62,32 @@ def test_a_fifth_hides_nothing_and_all_effects_take_turns(family):
     assert set(one) == set(pool) and max(one.values()) - min(one.values()) <= 1
     assert plan(family, 120, SEED) == planned != plan(family, 120, SEED + 1)
     assert all(p.classes for p in planned if p.sort in ("one", "two"))
+
+
+def test_half_of_the_sheets_have_fibres_and_specimens_say_how_they_lie_to_them(tmp_path):
+    planned = plan("fibres", 12, SEED)
+    hidden = Counter(p.effects for p in planned)
+    assert hidden == {**{(e,): 2 for e in formulas.FIBRED}, **{(e,): 1 for e in UNDIRECTED}, (): 3}
+    fibred = next(p for p in planned if p.effects == ("Qiu-Pence",))
+    campaign = load_campaign(make(fibred, SEED, tmp_path).file)
+    assert len(campaign.angles) == 2 and fibred.classes == (("anisotropy",),)
+    angles = [round(np.degrees(e.angle)) for e in campaign.experiments]
+    assert tuple(angles) in ANGLES and campaign.experiments[2].role == "test"
+
+
+@pytest.mark.parametrize("effect", formulas.FIBRED)
+def test_a_sheet_is_stiffest_along_its_fibres(effect):
+    body = formulas.FibredBody((effect,), np.random.default_rng(1))
+    body.lie, stress = 0.0, []
+    for angle in (0.0, 0.7, np.pi / 2):
+        body.angle = angle
+        stress.append(body.force("uniaxial", STRETCH, STRETCH)[-1] / body.G)
+    isotropic = STRETCH[-1] - STRETCH[-1] ** -2
+    assert stress[0] > stress[1] > isotropic - 1e-6 and stress[0] > 1.2 * stress[2]
+    body.lie = 0.7
+    turned = body.force("uniaxial", STRETCH, STRETCH)
+    body.lie, body.angle = 0.0, np.pi / 2 - 0.7
+    np.testing.assert_allclose(body.force("uniaxial", STRETCH, STRETCH), turned, rtol=1e-5)
 
 
 @pytest.mark.parametrize("family", ["cut", "mixed"])

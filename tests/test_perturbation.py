@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -28,7 +30,7 @@ LAWS = {
     "compressible": ("compressibility",), "rate_toughness": ("rate_toughening",),
     "compact_cohesion": ("compactness",), "blunt_tip": ("blunting",), "adhesion_speed": ("tau_v",),
     "coulomb_saturating": ("inv_p_s",), "surface_tension": ("gamma_s",), "stiff_skin": ("skin_stiffness",),
-    "uneven_toughness": ("unevenness",),
+    "uneven_toughness": ("unevenness",), "fibres": ("g_f",), "fibre_toughness": ("fibre_toughening",),
 }  # fmt: skip
 
 
@@ -82,5 +84,9 @@ def test_from_mesh_to_mesh():
 def test_what_changes_the_unknowns_needs_a_run_of_its_own(case):
     assert not added(case, "imperfect_bond", "bond_compliance").shares_unknowns_with(case)
     assert added(case, "maxwell", "g_1").shares_unknowns_with(case)
+    for angle, shares in ((0, True), (90, True), (30, False)):
+        law = added(case, "fibres", "g_f")
+        turned = {**law.case.values, **law.case.model.turned(np.radians(angle))}
+        assert Added(replace(law.case, values=turned), law.names).shares_unknowns_with(case) == shares
     mixed = load_case("gelatin", {**CHOICES, "element": "P2P1"})
     assert not added(mixed, "maxwell", "g_1").shares_unknowns_with(mixed)

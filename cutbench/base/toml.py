@@ -14,7 +14,7 @@ from typing import Any
 from cutbench.base.errors import BadInput
 
 #: Of more names than this the nearest are shown, so many.
-MANY, NEAREST = 20, 5
+MANY, NEAREST = 24, 5
 #: How a path of Windows is written.
 BACKSLASHES = "a path stands in single quotes, as in 'C:\\data\\gel.csv', or has / for each \\"
 #: What opens a section, and what a line begins with that is no continuation of the one before.

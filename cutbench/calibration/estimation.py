@@ -39,6 +39,8 @@ MAX_ROUNDS_NEARBY = 3
 USUAL_ROUNDS = 3
 #: A place that moves by less than this part of all standard deviations stays where it is.
 STATIONARY = 0.3
+#: The atlas is believed where it misses less than this part of each curve's maximum (root mean square).
+DESCRIBED = 0.15
 #: Half of the sides of a box about a place that other tests, or another model's fit, say: so many standard
 #: deviations of theirs, between a sixth and the box without them.
 HALF_SIDE_IN_SD, SMALLEST_HALF_SIDE = 2.5, 0.15
@@ -144,7 +146,7 @@ def successive_estimates(
         # What the emulator promises is asked only as far from the best place as its promises hold.
         reach = reach / 2 if worse else reach
         about = _surrogate_about(best)
-        found = about.maximum(best.q, reach)
+        found = about.maximum(best.q, within=(best.q - reach, best.q + reach))
         still = np.all(np.abs(found.q - best.q) < STATIONARY * np.sqrt(np.diag(best.covariance)))
         gained = found.log_posterior - _evaluated_at(about, best.q).log_posterior
         if settled := bool(still) or gained < SETTINGS.gained:
@@ -234,10 +236,11 @@ def estimate(
 
 
 def _further_starts(posterior: Posterior, q: np.ndarray) -> list[np.ndarray]:
-    """Other starts of what has a formula."""
+    """Other starts of what takes no runs."""
     rows = qmc.Sobol(q.size, seed=0).random(4)[1:]
     reach = SETTINGS.reach * np.array([u.spread for u in posterior.parameters])
-    return [q + reach * (2 * row - 1) for row in rows]
+    likely = best_places(posterior, *_search_box(posterior, q)) if posterior.cuts else []
+    return [*likely, *(q + reach * (2 * row - 1) for row in rows)]
 
 
 def _best_maximum(posterior: Posterior, starts: Sequence[np.ndarray]) -> Estimated:
@@ -281,19 +284,35 @@ def _search_radius(posterior: Posterior, q: np.ndarray) -> np.ndarray:
 
 
 def _search_box(posterior: Posterior, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Where cuts are worth computing, as far as tests that have a formula say: a place, and the ends."""
+    """Where cuts are worth computing, as far as the atlas, or else tests that have a formula, say: a place,
+    and the ends."""
     half, low, high = np.full(q.size, SETTINGS.reach), *posterior.bounds
-    exact = tuple(e for e in posterior.tests if e not in posterior.tests_with_runs)
-    if exact:
+    found = _by_atlas(posterior, q) if posterior.tests_with_runs else None
+    exact = tuple(e for e in posterior.tests if e not in posterior.cuts)
+    if found is None and exact:
         p = posterior.predictions
         alone = replace(p.campaign, experiments=exact)
-        some = Posterior(p.of(alone), posterior.parameters, half.copy(), q)
-        found = some.maximum(q)
+        found = Posterior(p.of(alone), posterior.parameters, half.copy(), q).maximum(q)
+    if found is not None:
         q, half = (
             found.q,
             np.clip(HALF_SIDE_IN_SD * np.sqrt(np.diag(found.covariance)), SMALLEST_HALF_SIDE, half),
         )
     return q, np.maximum(q - half, low), np.minimum(q + half, high)
+
+
+def _by_atlas(posterior: Posterior, q: np.ndarray) -> Estimated | None:
+    """The most probable parameters as the atlas has cuts; None where it has none like these, or does not
+    describe them."""
+    some = Posterior(posterior.predictions.of_atlas, posterior.parameters, posterior.prior_sds, q)
+    try:
+        found = _best_maximum(some, [q, *_further_starts(some, q)])
+    except ComputationFailed:
+        return None
+    misses = (
+        np.sqrt(np.mean(r**2)) / np.abs(found.w.grids[id].mean).max() for id, r in found.at.residual.items()
+    )
+    return found if max(misses) < DESCRIBED else None
 
 
 def _compute_initial_design(

@@ -131,7 +131,7 @@ def free_parameters(campaign: Campaign) -> list[FreeParameter]:
     """
     plan, case = campaign.plan, campaign.base
     # A speed is known; a test of its own has one of its own.
-    possible = [name for name in differentiable(case.model) if name != "speed"]
+    possible = [name for name in differentiable(case.model, campaign.finds_angles) if name != "speed"]
     seen = set().union(*(parameters_felt_by(e, case) for e in campaign.train))
     given = {name: e.id for e in campaign.train for name in (*e.blade, *e.specimen)}
     known = [name for name in possible if name in seen]

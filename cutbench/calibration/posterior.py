@@ -31,7 +31,7 @@ MAX_PREDICTION_RATIO = 1e4
 #: A parameter is at a bound that is nearer than this.
 AT_BOUND = 1e-6
 #: So many steps at most are made with one covariance, and so often at most it is found anew, until no
-#: parameter moves by more than this part of its own standard deviation.
+#: parameter moves by more than this part of its own standard deviation, or the log posterior grows by less.
 MAX_STEPS, MAX_FIXED_POINT_ITERATIONS, STATIONARY = 12, 8, 0.1
 
 
@@ -116,6 +116,11 @@ class Posterior:
         return self.predictions.campaign.train
 
     @property
+    def cuts(self) -> list[Experiment]:
+        """Those of them that are cuts."""
+        return [e for e in self.tests if e.kind == "cut"]
+
+    @property
     def tests_with_runs(self) -> list[Experiment]:
         """Those of them that are known from runs."""
         return [e for e in self.tests if self.predictions.needs_runs(e)]
@@ -161,15 +166,19 @@ class Posterior:
         return replace(base, values={**base.values, **{n: float(np.mean(v)) for n, v in found.items()}})
 
     def evaluate(
-        self, q: np.ndarray, tests: Sequence[Experiment] | None = None, differentiate: bool = True
+        self,
+        q: np.ndarray,
+        tests: Sequence[Experiment] | None = None,
+        differentiate: bool = True,
+        sure: bool = False,
     ) -> Evaluated:
-        """All fitted tests at the scaled parameters ``q`` (k,), with derivatives or without. Raises NotKnown,
-        ComputationFailed."""
+        """All fitted tests at the scaled parameters ``q`` (k,), with derivatives or without, with errors or
+        as if predictions were ``sure``. Raises NotComputed, ComputationFailed."""
         y, residual, J, error, onset = {}, {}, {}, {}, {}
         for e in self.tests if tests is None else tests:
             mine = self.parameter_numbers[e.id] if differentiate else []
             names = tuple(dict.fromkeys(self.parameters[k].name for k in mine))
-            p = self.predicted(e, self.values(e, q), names)
+            p = self.predicted(e, self.values(e, q), names, sure)
             mesh = self.mesh_error(e, p.y)
             y[e.id], onset[e.id] = p.y + mesh.shift, p.onset_mm
             error[e.id] = p.root @ p.root.T + mesh.covariance
@@ -180,10 +189,12 @@ class Posterior:
                 J[e.id][:, k] = p.slopes[:, names.index(u.name)] * u.slope(q[k])
         return Evaluated(q, y, residual, J, error, onset)
 
-    def predicted(self, e: Experiment, values: Mapping[str, float], names: Sequence[str]) -> Predicted:
-        """What a test reads. Raises NotKnown, ComputationFailed."""
+    def predicted(
+        self, e: Experiment, values: Mapping[str, float], names: Sequence[str], sure: bool = False
+    ) -> Predicted:
+        """What a test reads. Raises NotComputed, ComputationFailed."""
         try:
-            p = self.predictions.predict(e, values, names)
+            p = self.predictions.predict(e, values, names, sure)
         except NotComputed:  # a cut that was computed says itself what it gives
             p = self.predictions.computed(e, values, names)
         largest = MAX_PREDICTION_RATIO * np.abs(self.predictions.grids[e.id].mean).max()
@@ -236,24 +247,26 @@ class Posterior:
         rows, columns = zip((r, J), *more, before, strict=True)
         return np.concatenate(rows), np.vstack(columns)
 
-    def maximum(self, q: np.ndarray, reach: np.ndarray | float = math.inf) -> Estimated:
-        """The most probable parameters near ``q`` (k,), no farther from it than ``reach``. Raises NotKnown,
+    def maximum(self, q: np.ndarray, within: tuple[np.ndarray, np.ndarray] | None = None) -> Estimated:
+        """The most probable parameters near ``q`` (k,), ``within`` two ends (k,). Raises NotComputed,
         ComputationFailed."""
         low, high = self.bounds
-        low, high = np.maximum(low, q - reach), np.minimum(high, q + reach)
+        if within is not None:
+            low, high = np.maximum(low, within[0]), np.minimum(high, within[1])
         known: dict[bytes, Evaluated] = {}
 
         def evaluated(x: np.ndarray) -> Evaluated:
-            if x.tobytes() not in known:
-                known[x.tobytes()] = self.evaluate(x)
+            if x.tobytes() not in known:  # one covariance holds for many places, so none asks for errors
+                known[x.tobytes()] = self.evaluate(x, sure=True)
             return known[x.tobytes()]
 
-        at = evaluated(_strictly_within(np.clip(q, low, high), low, high))
+        at = self.evaluate(_strictly_within(np.clip(q, low, high), low, high))
         size = (
             sum(y.size for y in at.y.values()) + sum(f.residual.size for f in self.fields.values()) + q.size
         )
+        last = Estimated(self, at, self.covariance(at))
         for _ in range(MAX_FIXED_POINT_ITERATIONS):
-            w, before = self.covariance(at), at.q
+            w, before = last.w, last.q
 
             def white(x: np.ndarray, w: Covariance = w) -> tuple[np.ndarray, np.ndarray]:
                 try:
@@ -265,11 +278,15 @@ class Posterior:
                 lambda x: white(x)[0], before, lambda x: white(x)[1], bounds=(low, high), x_scale="jac",
                 max_nfev=MAX_STEPS, xtol=1e-4, ftol=1e-4,
             )  # fmt: skip
-            at = evaluated(_strictly_within(found.x, low, high))
+            at = self.evaluate(_strictly_within(found.x, low, high))
             precision = np.linalg.norm(self.whitened(at, w)[1], axis=0)
-            if np.all(np.abs(at.q - before) * precision <= STATIONARY):
-                return Estimated(self, at, self.covariance(at))
-        return Estimated(self, at, self.covariance(at), settled=False)
+            better = Estimated(self, at, self.covariance(at))
+            # What is interpolated has kinks, about which a search may go on for ever.
+            still = better.log_posterior < last.log_posterior + STATIONARY
+            if still or np.all(np.abs(at.q - before) * precision <= STATIONARY):
+                return max(better, last, key=lambda each: each.log_posterior) if still else better
+            last = better
+        return replace(last, settled=False)
 
 
 def _strictly_within(q: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:

@@ -20,7 +20,7 @@ from cutbench.case.motion import Motion
 from cutbench.data.campaign import Campaign
 from cutbench.data.experiment import Experiment
 from cutbench.data.repetition import Averaged
-from cutbench.emulator import AtlasCuts, CutEmulator, OutOfRange
+from cutbench.emulator import AtlasCuts, CutEmulator, NotInAtlas, OutOfRange
 from cutbench.homogeneous import slopes
 
 #: Cuts are computed deeper than they were measured by this part, where the specimen is high enough: a machine
@@ -80,7 +80,7 @@ class Predictions:
     ):
         self.campaign, self.base, self.grids, self.runs = campaign, base, grids, runs
         #: Whether cuts are those of the atlas, so that none is computed.
-        self.by_atlas, self._by_atlas = by_atlas, dict[str, AtlasCuts]()
+        self.by_atlas = by_atlas
         rig = {q.name for law in base.model.laws("rig") for q in law.parameters}
         self.free = tuple(dict.fromkeys(n for n in free if n not in rig))
         self._cuts = {
@@ -108,6 +108,11 @@ class Predictions:
         """The same of another model."""
         return Predictions(self.campaign, base, self.grids, self.runs, free, self.by_atlas)
 
+    @property
+    def of_atlas(self) -> Predictions:
+        """The same with cuts of the atlas."""
+        return Predictions(self.campaign, self.base, self.grids, self.runs, self.free, by_atlas=True)
+
     def of(self, campaign: Campaign) -> Predictions:
         """The same for the tests of another campaign."""
         return Predictions(campaign, self.base, self.grids, self.runs, self.free, self.by_atlas)
@@ -126,22 +131,28 @@ class Predictions:
         if self.needs_runs(e) and self.runs([case := self.case(e, values)]) == [None]:
             raise ComputationFailed(self.runs.failed[case.id])
 
-    def emulator(self, e: Experiment) -> CutEmulator | AtlasCuts:
-        """Of all cuts that go the way of ``e``, from what was computed until now. Raises NotKnown."""
-        if self.by_atlas:
-            if e.id not in self._by_atlas:
-                self._by_atlas[e.id] = AtlasCuts(without_rig(self._cuts[e.id]))
-            return self._by_atlas[e.id]
+    def emulator(self, e: Experiment) -> CutEmulator:
+        """Of all cuts that go the way of ``e``, from what was computed until now, or the atlas in place of
+        that. Raises NotComputed."""
         known, motion = len(self.runs.database.runs), self._cuts[e.id].motion
         if self._emulators[0] != known:
             self._emulators = known, {}
         if motion not in self._emulators[1]:
             cases = [without_rig(case) for case in self._cuts.values() if case.motion == motion]
-            found = self.runs.database.emulator(cases, self.free)
+            found = (
+                self._of_atlas(e, cases) if self.by_atlas else self.runs.database.emulator(cases, self.free)
+            )
             if found is None:
                 raise NotComputed(f"{known} cuts are too few")
             self._emulators[1][motion] = found
         return self._emulators[1][motion]
+
+    def _of_atlas(self, e: Experiment, cases: Sequence[Case]) -> AtlasCuts:
+        """The atlas of cuts like ``e``. Raises ComputationFailed."""
+        try:
+            return AtlasCuts(without_rig(self.campaign.case(e, self.campaign.base)), cases, self.free)
+        except (NotInAtlas, ValueError) as error:
+            raise ComputationFailed(f"not by the atlas: {error}") from error
 
     def case(self, e: Experiment, values: Mapping[str, float]) -> Case:
         """The case of a test with ``values`` in place of the base's; of a cut, as it is computed. Raises
@@ -153,11 +164,14 @@ class Predictions:
             raise ComputationFailed(str(error)) from error
         return without_rig(made) if e.id in self._cuts else made
 
-    def predict(self, e: Experiment, values: Mapping[str, float], names: Sequence[str] = ()) -> Predicted:
-        """What a test reads. Raises NotKnown or ComputationFailed."""
+    def predict(
+        self, e: Experiment, values: Mapping[str, float], names: Sequence[str] = (), sure: bool = False
+    ) -> Predicted:
+        """What a test reads, with its error or as if it were ``sure``. Raises NotComputed,
+        ComputationFailed."""
         if e.id in self._cuts:
             try:
-                return self._cut(e, values, names)
+                return self._cut(e, values, names, sure)
             except OutOfRange as error:
                 # A run there would tell, but where the atlas ends there is none.
                 raise (ComputationFailed if self.by_atlas else NotComputed)(str(error)) from error
@@ -191,7 +205,7 @@ class Predictions:
         except OutOfRange as error:
             raise NotComputed(str(error)) from error
 
-    def _cut(self, e: Experiment, values: Mapping[str, float], names: Sequence[str]) -> Predicted:
+    def _cut(self, e: Experiment, values: Mapping[str, float], names: Sequence[str], sure: bool) -> Predicted:
         case, emulator = self._cuts[e.id], self.emulator(e)
         every = {**case.values, **values}  # of a rig, too, which the emulator does not know
         there = emulator.travel(every)
@@ -202,7 +216,7 @@ class Predictions:
             n: np.interp(x, there, c) for n, c in zip(meshed, emulator.slopes(every, meshed).T, strict=True)
         }
         # An error of the force is read as a change of it is, so its root goes along with the derivatives.
-        root = emulator.root(every).T if known is None else ()
+        root = emulator.root(every).T if known is None and not sure else ()
         errors = {f"error {i}": np.interp(x, there, c) for i, c in enumerate(root)}
         travel = x
         if case.motion:

@@ -224,10 +224,11 @@ class Model:
                     kin[:1] or [type(old)]
                 )
                 require(special, "with", name, f"a mechanism that has {old.name} as a special case")
-            for q in new:
+            model = model.with_(name)
+            # With what it reads of a law that is not there.
+            for q in (q for q in model.parameters().values() if q.name not in known):
                 start = next(v for v in (q.off, q.default, q.typical) if v is not None)
                 values[q.name] = start * q.factor
-            model = model.with_(name)
         return model, values
 
     @property
@@ -393,6 +394,21 @@ class Model:
             Of x across the cut plane, y along the blade's way and z along its edge.
         """
         return tuple(map(all, zip(*(law.mirrored(p) for law in self.laws("bulk")), strict=True)))
+
+    def turned(self, angle: float) -> dict[str, float]:
+        """Say what laws with a direction read of a specimen that was cut out of its body at an angle.
+
+        Parameters
+        ----------
+        angle : float, rad
+            That of the specimen.
+
+        Returns
+        -------
+        dict of str to float
+            Values by parameter; none where no law has a direction.
+        """
+        return {law.directed: angle for law in self.all if law.directed}
 
     @property
     def tool(self) -> Tool | None:

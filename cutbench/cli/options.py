@@ -172,6 +172,9 @@ Limit = Annotated[
 Threads = Annotated[
     str | None, typer.Option(metavar="N", help="Threads that share a run's work; default: one a core.")
 ]
+ByAtlas = Annotated[
+    bool, typer.Option("--estimate", help="Take cuts from the atlas: no run is computed, it is soon done.")
+]
 Refine = Annotated[
     bool, typer.Option(help="Measure the error of the computation on a finer mesh on the way.")
 ]

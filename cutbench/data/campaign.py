@@ -6,6 +6,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -179,6 +180,17 @@ class Campaign(Displayed):
         """The experiments that are predicted and never fitted."""
         return tuple(e for e in self.experiments if e.role == "test")
 
+    @cached_property
+    def angles(self) -> frozenset[int]:
+        """The angles of the specimens of fitted tests that show a direction, in degrees of half a turn."""
+        shown = (e for e in self.train if e.kind != "sliding")
+        return frozenset(round(math.degrees(e.angle)) % 180 for e in shown)
+
+    @property
+    def finds_angles(self) -> bool:
+        """Whether tests say a direction in the body, and none is meshed by it."""
+        return len(self.angles) > 1 and all(e.kind != "cut" for e in self.experiments)
+
     def experiment(self, id: str) -> Experiment:
         """Return an experiment by its id.
 
@@ -250,6 +262,7 @@ def cut_case(experiment: Experiment, base: Case) -> Case:
     """``base`` with the specimen, the blade, the speed and the depth of a ``cut`` test. Raises BadInput."""
     known = base.model.parameters()
     sizes: dict[str, object] = {n: value for n, value in _sizes(experiment).items() if n in known}
+    sizes |= {n: f"{math.degrees(angle)!r} deg" for n, angle in base.model.turned(experiment.angle).items()}
     # What was set on the machine is exact; six digits are what a time column gives.
     speed = f"{experiment.speed or float(f'{experiment.travel_speed:.6g}')!r} mm/s"
     if experiment.timed:
@@ -290,7 +303,9 @@ def lead_s(experiment: Experiment) -> float:
 def _sizes(experiment: Experiment) -> dict[str, str]:
     """Specimen, blade and depth of a cut as ``Case.set`` takes them."""
     sizes = {**experiment.specimen, **experiment.blade, "depth": experiment.reach}
-    units = dict.fromkeys(sizes, "mm") | blade_units()
+    if experiment.slice_push is not None:
+        sizes["slice_push"] = experiment.slice_push
+    units = dict.fromkeys(sizes, "mm") | {"slice_push": "1"} | blade_units()
     return {
         name: f"{float(value) / unit_factor(units[name])!r} {units[name]}".removesuffix(" 1")
         for name, value in sizes.items()
@@ -342,10 +357,7 @@ def start_case(
 def all_candidates(baseline: Model, kinds: Iterable[str]) -> tuple[str, ...]:
     """Every registered mechanism that is not in ``baseline`` and that tests of these ``kinds`` can show."""
     seen = {slot for kind in kinds for slot in SLOTS[kind]}
-    return tuple(
-        n for n, m in registry().items()
-        if n not in baseline.mechanisms and m.slot in seen and not m.directed
-    )  # fmt: skip
+    return tuple(n for n, m in registry().items() if n not in baseline.mechanisms and m.slot in seen)
 
 
 def load_campaign(path: str | Path) -> Campaign:
@@ -452,8 +464,7 @@ def _candidates(listed: str | tuple[str, ...], baseline: Model, kinds: Iterable[
     if listed in ("all", ("all",)):
         return all_candidates(baseline, kinds)
     for name in listed:
-        undirected = not mechanism(name, key="candidates").directed
-        require(undirected, "candidates", name, "one without a direction: tests do not say theirs")
+        mechanism(name, key="candidates")
         other = name not in baseline.mechanisms
         require(other, "candidates", name, "a mechanism that is not in the baseline")
         require(listed.count(name) == 1, "candidates", name, "each candidate once")

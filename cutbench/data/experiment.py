@@ -90,6 +90,11 @@ class Experiment:
         Displacements on one specimen of a cut.
     field_noise_mm : float, mm
         To how much these are known.
+    angle : float, rad
+        Of its axis, along which it is pulled or pressed, or across the cut plane, to the direction in the
+        body from which ``fibre_angle`` counts.
+    slice_push : float or None
+        Speed of a cut's blade along its edge over its speed down; None: that of the material.
 
     Raises
     ------
@@ -109,6 +114,8 @@ class Experiment:
     notes: tuple[str, ...] = ()
     fields: tuple[Field, ...] = ()
     field_noise_mm: float = 0.0
+    angle: float = 0.0
+    slice_push: float | None = None
     #: Whether its readings are those of a curve.
     curve: ClassVar[bool] = True
 
@@ -118,6 +125,8 @@ class Experiment:
             among(key, getattr(self, key), known)
         moves = self.speed is None or (np.isfinite(self.speed) and self.speed > 0)
         require(moves, "speed", self.speed, "a speed above 0, such as '0.02 mm/s'")
+        turned = abs(self.angle) <= math.pi * (1 + 1e-9)
+        require(turned, "angle", self.angle, "an angle in rad, of half a turn either way at most")
         for key in ("specimen", "blade"):
             object.__setattr__(self, key, MappingProxyType(dict(getattr(self, key))))
         object.__setattr__(self, "repetitions", tuple(self.repetitions))

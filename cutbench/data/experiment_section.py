@@ -11,10 +11,11 @@ import numpy as np
 
 from cutbench.base.errors import BadInput, require
 from cutbench.base.toml import among, one_of, written
-from cutbench.base.units import parse_quantity, unit_factor
+from cutbench.base.units import Parameter, parse_quantity, unit_factor
 from cutbench.data.columns import LABEL, UNITS, Column, did_you_mean
 from cutbench.data.experiment import HOMOGENEOUS, KINDS, area_of
 from cutbench.mechanisms import Tool, registry
+from cutbench.mechanisms.base import PROTOCOL
 
 #: Other names under which a column may be given.
 _ALIASES = {"opening": "displacement", "slip": "displacement", "traction": "stress"}
@@ -35,11 +36,16 @@ _EVERY = (
     "source", "blocks", "skip",
 )  # fmt: skip
 _EXTRA = {
-    "cut": ("blade", "fields", "zero", "force_zero", "measures", "depth"),
-    **dict.fromkeys(HOMOGENEOUS, ("stress", "strain", "zero", "force_zero")),
+    "cut": ("blade", "fields", "zero", "force_zero", "measures", "depth", "angle", "slice_push"),
+    **dict.fromkeys(HOMOGENEOUS, ("stress", "strain", "zero", "force_zero", "angle")),
     "sliding": ("pressure", "normal_force"),
-    "separation": ("direction", "zero", "force_zero"),
+    "separation": ("direction", "zero", "force_zero", "angle"),
 }
+#: At which angle a specimen was cut out of its body, and how a blade is drawn.
+_WAYS = (
+    Parameter("angle", "deg", "α", "of the specimen's axis to where fibre_angle counts from", -180.0, 180.0),
+    *(q for q in PROTOCOL if q.name == "slice_push"),
+)
 
 _TIMED = (
     "how the specimen is loaded, such as 'uniaxial', with a column of time: holds and cycles follow from it"
@@ -289,7 +295,13 @@ def size_notes(
     return tuple(notes)
 
 
-# -- speed and pressure -------------------------------------------------------------------------------
+# -- angle, speed and pressure ------------------------------------------------------------------------
+def ways_of(table: Mapping) -> tuple[float, float | None]:
+    """The ``angle`` of a specimen in rad, and the ``slice_push`` of a cut, None where it is not written."""
+    angle, slice_push = (q.parse(table[q.name]) if q.name in table else None for q in _WAYS)
+    return angle or 0.0, slice_push
+
+
 def speed_of(table: Mapping, kind: str, specimen: Mapping[str, float]) -> float | None:
     """mm/s; for a homogeneous test 1/s of stretch, for which a speed is divided by the length."""
     if "speed" not in table:

@@ -33,6 +33,7 @@ from cutbench.data.experiment_section import (
     sizes_by_repetition,
     speed_of,
     units_of,
+    ways_of,
     written_sizes,
 )
 from cutbench.data.fields import read_fields_of
@@ -44,7 +45,7 @@ from cutbench.data.table import BLOCKS, Table, joined_files, read_table, with_bl
 #: What a cut has of which measures are known.
 _KEYS_OF_MEASURES = (
     "id", "kind", "role", "source", "measures", "depth", "data", "columns", "units", "specimen", "blade",
-    "speed",
+    "speed", "angle", "slice_push",
 )  # fmt: skip
 
 
@@ -66,6 +67,7 @@ def read_experiments(table: Mapping[str, object], folder: Path) -> list[Experime
         return [_measured(table, folder, name, role, sizes, notes)]
     columns = columns_of(table, kind)
     require_sizes(kind, sizes, columns)
+    angle, slice_push = ways_of(table)
     blade, factors = blade_of(table, kind), factors_of(table, columns)
     tables = _tables(table, columns, folder)
     titles = [title for read in tables for title in read.names]
@@ -109,8 +111,9 @@ def read_experiments(table: Mapping[str, object], folder: Path) -> list[Experime
         unit = "1/s" if kind in HOMOGENEOUS else "mm/s"
         id = name if len(groups) == 1 else f"{name} at {group[0].speed:.3g} {unit}"
         e = Experiment(
-            id, kind, tuple(group), role, mean, blade, speed, pressure, direction, every, fields, noise_mm
-        )
+            id, kind, tuple(group), role, mean, blade, speed, pressure, direction, every, fields, noise_mm,
+            angle=angle, slice_push=slice_push,
+        )  # fmt: skip
         if kind == "cut":
             travel_fits(e)
         # A factor of 60 is a minute taken for a second.
@@ -133,7 +136,9 @@ def _measured(
     require_sizes("cut", sizes, {})
     measures, depth_mm, more = read_measures(table, folder)
     speed, blade = speed_of(table, "cut", {}), blade_of(table, "cut")
-    return MeasuredCut.of(name, measures, depth_mm, sizes, blade, speed, role, (*notes, *more))
+    made = MeasuredCut.of(name, measures, depth_mm, sizes, blade, speed, role, (*notes, *more))
+    angle, slice_push = ways_of(table)
+    return replace(made, angle=angle, slice_push=slice_push)
 
 
 # -- the files of the readings ------------------------------------------------------------------------

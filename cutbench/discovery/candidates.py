@@ -32,6 +32,8 @@ CAUSES = ("reading", "rig", "parameter", "mechanism")
 FIXED = "parameter"
 #: Why a law with a time in its parameters is not asked of tests that have none.
 NO_TIME_MEASURED = "no fitted test has a time or a speed"
+#: The same of a law with a direction, of specimens that all have one.
+ONE_ANGLE = "no fitted tests are of specimens at two angles"
 #: Around the typical value, where no scale of the tests is known.
 FACTORS_OF_TYPICAL = (1.0, 0.2, 5.0, 0.04, 25.0)
 
@@ -86,11 +88,14 @@ def candidates(
             mute = m.slot == "rig" and any(e.kind in kinds or not kinds for e in campaign.train)
             left_out[name] = "no fitted test " + ("gives its length and area" if mute else "shows it")
             continue
+        if m.directed and len(campaign.angles) < 2:
+            left_out[name] = ONE_ANGLE
+            continue
         if not clock and any(powers_of(q.unit)[1] for q in m.parameters):
             left_out[name] = NO_TIME_MEASURED
             continue
         try:
-            _model, new = base.model.extended(name)
+            model, new = base.model.extended(name)
             extended(base, [name])
         except BadInput as error:
             left_out[name] = f"cannot be added: {error.expected}"
@@ -101,7 +106,8 @@ def candidates(
         if not strengths:
             left_out[name] = "its parameters are fixed by the campaign"
             continue
-        shapes = tuple(q for q in own if q.off is None)
+        sought = differentiable(model, campaign.finds_angles)
+        shapes = tuple(q for q in own if q.off is None and q.sought and q.name in sought)
         found.append(replace(asked, strengths=strengths, shapes=shapes, grid=_grid(shapes, campaign, base)))
     return found, left_out
 
@@ -183,7 +189,9 @@ def _values(q: Parameter, campaign: Campaign, count: int, taken: Sequence[float]
     low, high = q.bounds
     if low < 0 < high:  # not a size: an angle, say
         reach = min(high, math.pi)
-        return list(np.linspace(-reach, reach, count, endpoint=False))
+        # As many that none is half a turn from another; none a bound, nor where tests are their own mirror
+        # images, so that no derivative says to which side it should turn.
+        return list(reach * (2 * (np.arange(count | 1) + 1 / 8) / (count | 1) - 1))
     span = _span(q, campaign)
     around = [q.typical * q.factor * part for part in FACTORS_OF_TYPICAL[:count]]
     values = around if span is None else np.geomspace(*span, count)

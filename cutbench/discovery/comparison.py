@@ -88,6 +88,8 @@ class ComparedModel:
             found.append(f"chance alone gains as much in {100 * self.p:.2g} % of such data")
         if self.evidence <= 0:
             found.append("the evidence is for the model without it")
+        elif self.evidence <= self.evidence_sd:
+            found.append("the error of what is predicted may make as much evidence")
         if self.significant and self.explained_variance < SETTINGS.share:
             found.append(f"it explains {100 * max(self.explained_variance, 0):.0f} % of what is missed")
         if not self.held_out.better:
@@ -259,16 +261,17 @@ def comparison_round(null: Estimated, seed: int, on_progress: OnProgress = silen
     scores = score(sensed, null.w.noise, null.at.residual, seed=seed)
     known, failed = {s.name for s in scores.scores}, dict[str, str]()
     for c in (c for c in chosen if c.name not in known):
-        if c.slot == "support":
+        if c.slot == "support" or (c.name in registry() and registry()[c.name].directed):
             left_out[c.name] = "it changes what is solved for, so that no run says what it would do first"
         else:
-            failed[c.name] = "it has no answer at off"
+            by_atlas = null.posterior.predictions.by_atlas and any(c.acts_on(e) for e in null.posterior.cuts)
+            failed[c.name] = "runs alone say what it does" if by_atlas else "it has no answer at off"
     # Of cuts the first order says little; what the emulator knows costs no run, and is fitted in any case.
-    runs = bool(null.posterior.tests_with_runs)
+    runs, cuts = bool(null.posterior.tests_with_runs), bool(null.posterior.cuts)
     promising = [
         s
         for s in _chosen_for_fit(scores, null)
-        if s.gain > SETTINGS.undecided or (runs and not s.sensitivity.by_runs)
+        if s.gain > SETTINGS.undecided or (cuts and not s.sensitivity.by_runs)
     ]
     compared: list[ComparedModel] = []
 
@@ -367,7 +370,7 @@ def _compared_with_null(
     p = scores.p_any(candidate.name, max(gain, 0.0))
     evidence = float(fitted.log_evidence - null.log_evidence)
     # Runs jag: of what they leave, a part must be explained even where chance could make it.
-    significant = scores.p_residual < SETTINGS.chance or bool(null.posterior.tests_with_runs)
+    significant = scores.p_residual < SETTINGS.chance or bool(null.posterior.cuts)
     told = held_out(null, fitted)
     return ComparedModel(
         candidate, fitted, evidence, p, share, told, significant, evidence_sd=_evidence_sd(fitted, null)
@@ -403,7 +406,7 @@ def _fitted(null: Estimated, s: Score, scores: Scores) -> Estimated | None:
         found = _fitted_from_score(null, each)
         if found is not None and (best is None or found.log_posterior > best.log_posterior):
             best = found
-    if null.posterior.tests_with_runs:
+    if null.posterior.cuts:
         found = _fitted_within_box(null, tried[-1])
         if found is not None and (best is None or found.log_posterior > best.log_posterior):
             best = found
@@ -427,7 +430,7 @@ def _fitted_within_box(null: Estimated, s: Score) -> Estimated | None:
 def _fitted_from_score(null: Estimated, s: Score) -> Estimated | None:
     """The model with a candidate from a score's step, and from parts of it where a law may lock before."""
     best: Estimated | None = None
-    quick = not (s.sensitivity.by_runs or s.sensitivity.candidate.shapes)
+    quick = not (null.posterior.cuts or s.sensitivity.candidate.shapes)
     for part in STEP_FRACTIONS:
         try:
             posterior, q = _extended_posterior(null, replace(s, strengths=part * s.strengths))

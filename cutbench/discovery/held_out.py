@@ -47,6 +47,8 @@ class HeldOut:
         Of these three; ``1``: parts of each test's largest value.
     tells : bool
         Whether the two differ at all in what they predict.
+    error_se : float
+        Standard error of the gain by errors of the predictions, as where no cut was computed.
     """
 
     how: str
@@ -58,13 +60,14 @@ class HeldOut:
     noise_floor: float
     unit: str
     tells: bool
+    error_se: float = 0.0
 
     @property
     def better(self) -> bool:
         """Whether the extended model predicts better, or but for a factor between specimens, which is no
         larger than theirs may be."""
         but_for_factor = self.gain_of_shape > 0 and self.gain > -2 * self.gain_se
-        return not self.tells or self.gain > 0 or but_for_factor
+        return not self.tells or self.gain > -2 * self.error_se or but_for_factor
 
     @property
     def gains_much(self) -> bool:
@@ -79,8 +82,8 @@ class HeldOut:
 
 @dataclass(frozen=True)
 class _Part:
-    """Readings (m,) that are held out, both predictions, the covariance (m, m) of the readings, and their
-    standard deviation (m,)."""
+    """Readings (m,) that are held out, both predictions, the covariance (m, m) of the readings, their
+    standard deviation (m,), and the covariance (m, m) of the predictions' error."""
 
     e: Experiment
     measured: np.ndarray
@@ -89,6 +92,7 @@ class _Part:
     noise: np.ndarray
     deviation: np.ndarray
     size: float
+    error: np.ndarray
 
 
 def held_out(before: Estimated, after: Estimated) -> HeldOut:
@@ -97,21 +101,22 @@ def held_out(before: Estimated, after: Estimated) -> HeldOut:
     if not parts:
         parts, how = list(_cross_validated(before, after)), FIFTHS
     units = {part.e.y_unit for part in parts}
-    relative, sums, shape, count = len(units) > 1, np.zeros(4), np.zeros(2), 0
+    relative, sums, shape, count = len(units) > 1, np.zeros(5), np.zeros(2), 0
     for part in parts:
         scale, d = part.size if relative else 1.0, part.after - part.before
         errors = [((y - part.measured) ** 2).sum() for y in (part.before, part.after)]
-        sums += np.array([*errors, 4 * d @ part.noise @ d / scale**2, (part.deviation**2).sum()]) / scale**2
+        spread = [4 * d @ C @ d / scale**2 for C in (part.noise, part.error)]
+        sums += np.array([*errors, spread[0], (part.deviation**2).sum(), spread[1]]) / scale**2
         shape += [_error_up_to_factor(y, part.measured) / scale**2 for y in (part.before, part.after)]
         count += d.size
     change = sum(float(((p.after - p.before) ** 2).sum()) / (p.size if relative else 1.0) ** 2 for p in parts)
     e0, e1 = np.sqrt(sums[:2] / count)
     gain = 1 - e1 / e0 if e0 > 0 else 0.0
-    se = np.sqrt(sums[2]) / sums[0] / (2 * max(1 - gain, 0.2)) if e0 > 0 else 0.0
+    se, error_se = np.sqrt(sums[[2, 4]]) / sums[0] / (2 * max(1 - gain, 0.2)) if e0 > 0 else np.zeros(2)
     of_shape = 1 - np.sqrt(shape[1] / shape[0]) if shape[0] > 0 else 0.0
     floor, unit = float(np.sqrt(sums[3] / count)), "1" if relative else units.pop()
     told = float(gain), float(se), float(of_shape), float(e0), float(e1)
-    return HeldOut(how, *told, floor, unit, bool(change > SAME_PREDICTION * sums[0]))
+    return HeldOut(how, *told, floor, unit, bool(change > SAME_PREDICTION * sums[0]), float(error_se))
 
 
 def _error_up_to_factor(y: np.ndarray, measured: np.ndarray) -> float:
@@ -129,13 +134,14 @@ def predictive_covariance(fitted: Estimated, e: Experiment) -> Block:
 def _tests(before: Estimated, after: Estimated) -> Iterator[_Part]:
     for e in before.posterior.predictions.campaign.test:
         try:
-            one, other = (fitted.predicted(e).y for fitted in (before, after))
+            one, both = before.predicted(e).y, after.predicted(e)
+            other, error = both.y, both.root @ both.root.T
             if not _is_changed(before, after, e, other):
                 continue
         except ComputationFailed:
             continue
         block, mean = predictive_covariance(before, e), before.posterior.predictions.grids[e.id].mean
-        yield _Part(e, mean, one, other, block.noise, block.deviation, float(np.abs(mean).max()))
+        yield _Part(e, mean, one, other, block.noise, block.deviation, float(np.abs(mean).max()), error)
 
 
 def _is_changed(before: Estimated, after: Estimated, e: Experiment, y: np.ndarray) -> bool:
@@ -156,7 +162,9 @@ def _cross_validated(before: Estimated, after: Estimated) -> Iterator[_Part]:
         for out in np.array_split(np.arange(mean.size), FOLDS):
             one, other = (_prediction_without(fitted, e.id, out)[out] for fitted in (before, after))
             noise, size = block.noise[np.ix_(out, out)], float(np.abs(mean).max())
-            yield _Part(e, mean[out], one, other, noise, block.deviation[out], size)
+            yield _Part(
+                e, mean[out], one, other, noise, block.deviation[out], size, np.zeros((out.size, out.size))
+            )
 
 
 def _prediction_without(fitted: Estimated, id: str, out: np.ndarray) -> np.ndarray:

@@ -7,7 +7,7 @@ tests there are, |L⁻¹ d| standard errors would be seen. Cuts take a run of ea
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -44,11 +44,14 @@ def next_tests(first: Estimated, second: Estimated) -> list[Proposal]:
     """Tests that would tell two fitted models apart, the one that tells most first."""
     found, tests = [], first.posterior.tests
     # One test of each kind that has a formula.
-    for e in {e.kind: e for e in tests if not first.posterior.predictions.needs_runs(e)}.values():
+    for e in {e.kind: e for e in tests if e.kind != "cut"}.values():
         known = 0.0
         for text, kind, history in _histories(e):
             try:
-                cases = (first.case, second.case)
+                cases = (
+                    replace(f.case, values={**f.case.values, **f.case.model.turned(e.angle)})
+                    for f in (first, second)
+                )
                 a, b = (respond(kind, history, c.model, c.p, direction=e.direction) for c in cases)
             except (ComputationFailed, BadInput):
                 continue
@@ -59,7 +62,7 @@ def next_tests(first: Estimated, second: Estimated) -> list[Proposal]:
                 found.append(made)
         if e.kind in HOMOGENEOUS and e.mounted:
             found += _with_half_length(first, second, e)
-    for e in first.posterior.tests_with_runs[:1]:
+    for e in first.posterior.cuts[:1]:
         found += _cuts(first, second, e)
     return sorted(found, key=lambda p: -p.standard_errors)
 
@@ -83,23 +86,25 @@ def _cuts(first: Estimated, second: Estimated, e: Experiment) -> list[Proposal]:
         if q.trial and cases[0].values[q.name]:
             text, factor = q.trial
             changes.setdefault(f"'{e.id}' {text}", {})[q.name] = factor
-    grid, found, runs = first.posterior.predictions.grids[e.id], [], first.posterior.predictions.runs
+    found, grid = [], first.posterior.predictions.grids[e.id]
     for text, factors in changes.items():
         try:
-            there = [
-                replace(c, values={**c.values, **{n: f * c.values[n] for n, f in factors.items()}})
-                for c in cases
-            ]
-        except BadInput:
-            continue
-        courses = [run.course for run in runs(there) if run is not None]
-        if len(courses) == 2:
             a, b = (
-                f.posterior.predictions.read(e, f.posterior.values(e, f.q), course)
-                for f, course in zip((first, second), courses, strict=True)
+                _reading(f, e, {n: v * factors.get(n, 1.0) for n, v in case.values.items()})
+                for f, case in zip((first, second), cases, strict=True)
             )
-            found.append(_proposal(first, e, text, a, b, grid.x))
+        except ComputationFailed:
+            continue
+        found.append(_proposal(first, e, text, a, b, grid.x))
     return found
+
+
+def _reading(fitted: Estimated, e: Experiment, there: Mapping[str, float]) -> np.ndarray:
+    """What a cut like ``e`` would read (m,) with other values of its own. Raises ComputationFailed."""
+    p = fitted.posterior.predictions
+    p.compute(e, there)
+    x, force = p.curve(e, there)
+    return p.read(e, fitted.posterior.values(e, fitted.q), np.stack([x, force, x / there["speed"]]))
 
 
 def _histories(e: Experiment):

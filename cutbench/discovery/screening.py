@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -51,16 +51,16 @@ def sensitivities(null: Estimated, chosen: Sequence[Candidate]) -> Sensitivities
     post, parts = null.posterior, SensitivityParts()
     for c in chosen:
         seen = [e for e in post.tests if c.acts_on(e)]
-        cuts = [e for e in seen if post.predictions.needs_runs(e)]
+        cuts = [e for e in seen if e.kind == "cut"]
         for e in (e for e in seen if e not in cuts):
             parts.update({(c.name, k, e.id): by for k, by in enumerate(_by_formula(null, e, c))})
         for k in range(len(c.grid)) if cuts else ():
             parts.update(_by_emulator(null, c, k, cuts))
-    with_runs = {e.id for e in post.tests_with_runs}
-    known = {(name, k) for name, k, id in parts if id in with_runs}
+    of_cuts = {e.id for e in post.cuts}
+    known = {(name, k) for name, k, id in parts if id in of_cuts}
     asked = [c for c in chosen if (c.name, len(c.grid) // 2) not in known]
     parts.update(_by_runs(null, asked))
-    run = {c.name for c in asked if any(post.predictions.needs_runs(e) for e in post.tests if c.acts_on(e))}
+    run = {c.name for c in asked if any(c.acts_on(e) for e in post.tests_with_runs)}
     columns = []
     for c in chosen:
         nothing = {id: np.zeros((y.size, len(c.strengths))) for id, y in null.at.y.items()}
@@ -110,6 +110,7 @@ def _by_runs(null: Estimated, asked: Sequence[Candidate]) -> SensitivityParts:
         for c in asked:
             with suppress(BadInput):
                 more = extended(case, c.added, c.grid[len(c.grid) // 2])
+                more = replace(more, values={**more.values, **more.model.turned(e.angle)})
                 if (added := Added(more, tuple(s.name for s in c.strengths))).shares_unknowns_with(case):
                     beside[e.id].append((c, added))
     # The pool has one list of laws a call, and each test's hold the sizes of its own specimen.

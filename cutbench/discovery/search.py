@@ -19,7 +19,7 @@ from cutbench.calibration.fitting import INTERRUPTED, LATE, UNDER_WAY, Fit, Fitt
 from cutbench.calibration.parameters import free_parameters
 from cutbench.calibration.posterior import Estimated
 from cutbench.data.campaign import Campaign
-from cutbench.discovery.candidates import NO_TIME_MEASURED, baseline_of, family_of
+from cutbench.discovery.candidates import NO_TIME_MEASURED, ONE_ANGLE, baseline_of, family_of
 from cutbench.discovery.comparison import (
     Comparison,
     ComparisonRound,
@@ -178,6 +178,7 @@ def discover(
     limit_s: float = math.inf,
     runs: CutRuns | None = None,
     on_stage: Callable[[Discovery], None] | None = None,
+    by_atlas: bool = False,
 ) -> Discovery:
     """Fit the baseline model of a campaign, and find which cause explains what it gets wrong.
 
@@ -203,6 +204,9 @@ def discover(
         Computes cuts in place of ``workers`` and ``store``.
     on_stage : callable, optional
         Called with what is known after each stage.
+    by_atlas : bool
+        Whether cuts are those of the atlas that cutbench brings along: none is computed, and what takes runs
+        of its own is not asked.
 
     Returns
     -------
@@ -246,7 +250,9 @@ def discover(
             on_stage(_result(campaign, fit, so_far, time.perf_counter() - began, seed))
 
     with runs_for(campaign, workers, store, limit_s, runs) as ready:
-        fitting = Fitting(campaign, ready, free_parameters(campaign), told, refine, on_stage and stage)
+        fitting = Fitting(
+            campaign, ready, free_parameters(campaign), told, refine, on_stage and stage, by_atlas
+        )
         check = ready.check
         fitting.go(due)
         fit = fitting.result()
@@ -313,9 +319,9 @@ def _result(campaign: Campaign, fit: Fit, known: _SearchState, seconds: float, s
     notes = list(fit.notes)
     if known.stopped:
         notes.insert(0, f"Not at its end ({known.stopped}): what else there may be was not asked.")
-    timed = [name for name, why in steps[0].left_out.items() if why == NO_TIME_MEASURED] if steps else []
-    if timed:
-        notes.append(f"What depends on time is not asked ({', '.join(timed)}): {NO_TIME_MEASURED}.")
+    for what, reason in (("depends on time", NO_TIME_MEASURED), ("has a direction", ONE_ANGLE)):
+        if mute := [name for name, why in steps[0].left_out.items() if why == reason] if steps else []:
+            notes.append(f"What {what} is not asked ({', '.join(mute)}): {reason}.")
     return Discovery(
         campaign, fit, verdict, tuple(found), tuple(steps), final, known.numerics, told, clean,
         tuple(sections(baseline)) if baseline else (), tuple(sections(final)) if final else (),
@@ -333,7 +339,8 @@ def _verdict(steps: tuple[ComparisonRound, ...], found: tuple[FoundCause, ...], 
     if known.numerics.explains:
         return "unexplained"
     if not first.significant:
-        return "none"
+        # Within the atlas' error much may be hidden.
+        return "undecided" if first.null.posterior.predictions.by_atlas else "none"
     # Nothing is unexplained before it was tried.
     tried = first.scores.scores and not first.failed and not known.stopped
     return "unexplained" if tried else "undecided"
@@ -346,7 +353,7 @@ def _next_test_text(verdict: str, known: _SearchState) -> str:
     return {
         "none": "None is needed: the model describes the tests to within their scatter.",
         "mechanism": "None is needed to tell the candidates apart: these tests do.",
-        "undecided": "None before the candidates that could not be tried have been.",
+        "undecided": "None before runs, or the candidates that could not be tried, say more.",
     }.get(
         verdict,
         "Repeat the test that fails worst at another speed: what is left depends on time if it moves along"

@@ -78,7 +78,8 @@ class AlignedCurves:
             after = [_force_at(self.beyond + o, c) for o, c, b in zip(at, courses, begun, strict=True) if b]
             # What is beyond, by that where the cut begins: so an error of that is not taken for a drop.
             there = np.arcsinh(rising[begun, -1:] / self.small)
-            self._after = Curves(X[begun], np.arcsinh(np.array(after) / self.small) - there, kernels[2])
+            changes = np.arcsinh(np.array(after)[:, 1:] / self.small) - there
+            self._after = Curves(X[begun], changes, kernels[2])
 
     @property
     def kernels(self) -> tuple[Kernel | None, Kernel | None, Kernel | None]:
@@ -96,17 +97,22 @@ class AlignedCurves:
         sd = self._onset.spread(places, runs=True)
         onset = np.exp(np.clip(self._onset.mean(places)[:, None] + sd[:, None] * normal(0, 1).T[0], -50, 50))
         rising = self._rising(self._before.draws(places, normal), onset)
-        begun = np.arcsinh(rising[..., -1:] / self.small)
-        after = begun + self._after.draws(places, lambda part, r: normal(GROUPS_BY_REACH + part, r))
-        return onset, rising, self._force(after)
+        changes = self._after.draws(places, lambda part, r: normal(GROUPS_BY_REACH + part, r))
+        return onset, rising, self._beyond(rising, changes)
+
+    def parts(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+        """The likeliest of ``draws``: ``onset`` (p,), ``before`` (p, k) and ``after`` (p, m)."""
+        at = self.onset(places)
+        rising = self._rising(self._before.mean(places), at)
+        if self._after is None:
+            return at, rising, None
+        return at, rising, self._beyond(rising, self._after.mean(places))
 
     def mean(self, places: np.ndarray) -> np.ndarray:
         """Forces (p, k) that are smooth in the places (p, d)."""
-        at = self.onset(places)
-        rising = self._rising(self._before.mean(places), at)
+        at, rising, after = self.parts(places)
         found = np.stack([np.interp(self.x, self.part * o, f) for o, f in zip(at, rising, strict=True)])
-        if self._after is not None and (at < self.x[-1]).any():
-            after = self._force(np.arcsinh(rising[:, -1:] / self.small) + self._after.mean(places))
+        if after is not None:
             for i, o in enumerate(at):
                 there = self.x > o
                 found[i, there] = np.interp(self.x[there] - o, self.beyond, after[i])
@@ -118,10 +124,11 @@ class AlignedCurves:
             return np.full(len(places), self.x[-1])
         return np.exp(np.clip(self._onset.mean(places), -50, 50))
 
-    def log_onset(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def log_onset(self, places: np.ndarray, spread: bool = True) -> tuple[np.ndarray, np.ndarray]:
         """Mean and standard deviation (p,) of the logarithm of where runs at places (p, d) begin to cut."""
         assert self._onset is not None, "enough cuts begin"
-        return self._onset.mean(places), self._onset.spread(places, runs=True)
+        mean = self._onset.mean(places)
+        return mean, self._onset.spread(places, runs=True) if spread else np.zeros_like(mean)
 
     def computed(self, place: np.ndarray) -> Course | None:
         """The run at a place (d,); None where there is none."""
@@ -140,7 +147,8 @@ class AlignedCurves:
         if self._onset is not None:
             if beyond.any() and self._after is not None:
                 after = np.where(beyond, self.x, np.nan)
-                parts.append(_interpolated_root(self.beyond + o, self._after.root(place, runs), after))
+                root = np.pad(self._after.root(place, runs), ((1, 0), (0, 0)))
+                parts.append(_interpolated_root(self.beyond + o, root, after))
             # A shift of the onset takes along what is beyond, with the force that it begins at.
             shift = self._onset.spread(place[None], runs)[0] * (np.minimum(self.x, o) * slope - force)
             parts.append((shift / np.hypot(force, self.small))[:, None])
@@ -152,7 +160,10 @@ class AlignedCurves:
         found = stiffness * self.part[1:] * onset[..., None]
         return np.concatenate([np.zeros_like(found[..., :1]), found], axis=-1)
 
-    def _force(self, values: np.ndarray) -> np.ndarray:
+    def _beyond(self, rising: np.ndarray, changes: np.ndarray) -> np.ndarray:
+        """Forces (…, m) from the onset on, of ``changes`` (…, m − 1) since the last of those before."""
+        begun = np.arcsinh(rising[..., -1:] / self.small)
+        values = np.concatenate([begun, begun + changes], axis=-1)
         return np.sinh(np.clip(values, -50, 50)) * self.small
 
 
@@ -196,6 +207,11 @@ class Curves:
         last = int(np.flatnonzero(count >= min(few, count[0])).max()) + 1
         self.size = Y.shape[1]
         levels = np.unique(np.linspace(count[0], count[last - 1], GROUPS_BY_REACH).astype(int))[::-1]
+        if kernel is None:  # of as many values as there are of curves that all have them
+            stops = {level: int(np.flatnonzero(count[:last] >= level).max()) + 1 for level in levels}
+            stop = stops[max(levels, key=lambda level: level * stops[level])]
+            rows = np.isfinite(Y[:, stop - 1])
+            kernel = GaussianProcess(X[rows], Y[rows, :stop]).kernel
         self.blocks: list[tuple[slice, GaussianProcess]] = []
         first = 0
         weights, trend = np.zeros((len(X), self.size)), np.zeros((1 + X.shape[1], self.size))
@@ -205,7 +221,6 @@ class Curves:
                 continue
             rows = np.isfinite(Y[:, stop - 1])
             made = GaussianProcess(X[rows], Y[rows, first:stop], kernel=kernel)
-            kernel = kernel or made.kernel
             self.blocks.append((slice(first, stop), made))
             weights[rows, first:stop], trend[:, first:stop] = made.weights, made.trend_from_zero
             first = stop

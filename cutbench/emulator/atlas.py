@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from scipy.special import ndtr, ndtri
 
 from cutbench.base.display import Displayed
@@ -33,13 +34,14 @@ from cutbench.emulator.groups import Groups, is_same_value
 from cutbench.run.measures import (
     ABRUPT,
     ABRUPT_DROP,
+    BLUR,
     KNOWN,
     PROMINENCE,
     SETTLED,
     SMOOTH,
     TAIL,
+    TRANSITION,
     UNCUT,
-    relative_fall,
 )
 
 #: Travels beyond the onset, in halves of the blade's thickness, between which curves are straight.
@@ -50,6 +52,8 @@ TRAVELS_BEYOND_ONSET = np.array(
 INTERVALS_TO_ONSET = 24
 #: The blade's thickness, in halves of it: the window of a drop.
 DROP_WINDOW = 2.0
+#: Places within the travel over which a drop's forces are blurred; a curve is bent so often to have its drop.
+PLACES_OF_BLUR, BENDINGS = 20, 3
 #: η v/a below which viscosity hardly matters.
 SMALL_VISCOSITY = 0.05
 #: τ_W/G below which adhesion hardly deforms the gel.
@@ -327,15 +331,17 @@ class Atlas:
         return np.where(ellipse, factors[0], np.where(wedge, factors[1], factors[2]))
 
     # -- what it says ---------------------------------------------------------------------------------
-    def measures(self, groups: np.ndarray, depths: np.ndarray) -> Measures:
-        """Estimate the measures of runs that were not computed. With ``groups`` (p, d), ``depths`` (p,)."""
+    def measures(self, groups: np.ndarray, depths: np.ndarray, spread: bool = True) -> Measures:
+        """Estimate the measures of runs that were not computed, with their ``spread`` or without. With
+        ``groups`` (p, d), ``depths`` (p,)."""
         places = self._coordinates(groups)
-        onset = np.stack(self.curves.log_onset(places), axis=1)
+        onset = np.stack(self.curves.log_onset(places, spread), axis=1)
         onset[:, 1] *= self._widening("onset", groups)
         at, found = np.exp(onset[:, 0]), {"onset": onset}
         for name in MEASURES_WITH_PROCESS:
             made = self._own[name]
-            mean, sd = made.mean(places), made.spread(places, runs=True) * self._widening(name, groups)
+            mean = made.mean(places)
+            sd = self._widening(name, groups) * (made.spread(places, runs=True) if spread else 0.0)
             if name == "slope":
                 usual = self._steady_cutting_force(groups, at, depths)
                 mean, sd = mean * usual, sd * usual
@@ -369,8 +375,8 @@ class Atlas:
             self._shares(place, x, float(np.exp(onset[0]))), self._nearest(place),
         )  # fmt: skip
 
-    def drawn(self, groups: np.ndarray, m: Measures, x: np.ndarray) -> list[np.ndarray]:
-        """Draw curves (k,) at the travels ``x`` that runs may have; the first is the one that has the
+    def drawn(self, groups: np.ndarray, m: Measures, x: np.ndarray) -> np.ndarray:
+        """Draw curves (s, k) at the travels ``x`` that runs may have; the first is the one that has the
         measures ``m``. With ``groups`` (1, d)."""
 
         def normal(part: int, r: int) -> np.ndarray:
@@ -383,11 +389,9 @@ class Atlas:
         levels, slopes = (getattr(m, n)[0] @ [np.ones(DRAWS + 1), normal(part, 1)[:, 0]]
                           for part, n in ((OF_STEADY, "steady"), (OF_STEADY + 1, "slope")))  # fmt: skip
         # All are bent as the mean is.
-        after = after * (_falling(onset[0], before[0], after[0], m.drop[0, 0]) / after[0])
-        return [
-            joined(x, *parts, m.middle[0])
-            for parts in zip(onset, before, after, levels, slopes, strict=True)
-        ]  # fmt: skip
+        after = after * (_falling(onset[:1], before[:1], after[:1], m.drop[:, 0]) / after[0])
+        middle = np.broadcast_to(m.middle, onset.shape)
+        return joined(np.tile(x, (len(onset), 1)), onset, before, after, levels, slopes, middle)
 
     def band(self, groups: np.ndarray, m: Measures, x: np.ndarray) -> np.ndarray:
         """Compute the force along the travel that has the measures ``m``, and its 90 % interval. With
@@ -399,11 +403,10 @@ class Atlas:
     def forces(self, groups: np.ndarray, m: Measures, x: np.ndarray) -> np.ndarray:
         """Compute the forces (p, k) that have the measures ``m``, at travels of their own. With ``groups``
         (p, d), ``x`` (p, k)."""
-        drawn = self.curves.draws(self._coordinates(groups), lambda part, r: np.zeros((1, r)))
-        onset, before, after = (each[:, 0] for each in drawn)
-        falling = [_falling(*each) for each in zip(onset, before, after, m.drop[:, 0], strict=True)]
-        parts = x, onset, before, falling, m.steady[:, 0], m.slope[:, 0], m.middle
-        return np.array([joined(*each) for each in zip(*parts, strict=True)])
+        onset, before, after = self.curves.parts(self._coordinates(groups))
+        assert after is not None, "enough cuts begin"
+        falling = _falling(onset, before, after, m.drop[:, 0])
+        return joined(x, onset, before, falling, m.steady[:, 0], m.slope[:, 0], m.middle)
 
     def _nearest(self, place: np.ndarray, count: int = 3) -> tuple[tuple[float, Mapping[str, float]], ...]:
         kernel = self.curves.kernels[0]
@@ -519,29 +522,56 @@ def held_by_friction(case: Case) -> str:
     return ""
 
 
+def _at(values: np.ndarray, index: np.ndarray) -> np.ndarray:
+    """What lies between rows of values (p, n), at fractions of their numbers (p, k)."""
+    first = np.clip(index.astype(int), 0, values.shape[1] - 2)
+    low, high = (np.take_along_axis(values, first + step, axis=1) for step in (0, 1))
+    return low + (index - first) * (high - low)
+
+
+def _through(beyond: np.ndarray, onset: np.ndarray, rising: np.ndarray, later: np.ndarray) -> np.ndarray:
+    """The force at travels ``beyond`` the onset (p, k), up to it and through the transition; 0 before the
+    blade touches. With ``onset`` (p,), ``rising`` (p, n), ``later`` (p, m)."""
+    onset = onset[:, None]
+    part = np.clip(1 + beyond / onset, 0.0, 1.0) * (rising.shape[1] - 1)
+    knots = np.interp(beyond, TRAVELS_BEYOND_ONSET, np.arange(TRAVELS_BEYOND_ONSET.size))
+    return np.where(beyond <= 0, _at(rising, part), _at(later, knots))
+
+
 def joined(
-    x: np.ndarray, onset: float, rising: np.ndarray, later: np.ndarray, level: float, slope: float,
-    middle: float,
+    x: np.ndarray, onset: np.ndarray, rising: np.ndarray, later: np.ndarray, level: np.ndarray,
+    slope: np.ndarray, middle: np.ndarray,
 ) -> np.ndarray:  # fmt: skip
-    """The force at travels ``x`` (k,): up to the onset, through the transition, and from there over into the
-    line of steady cutting, whose logarithm is ``level`` in the ``middle``."""
-    beyond = x - onset
-    force = np.where(
-        beyond <= 0, np.interp(x, np.linspace(0, onset, rising.size), rising),
-        np.interp(beyond, TRAVELS_BEYOND_ONSET, later),
-    )  # fmt: skip
+    """The forces (p, k) at travels ``x`` (p, k): up to the onset, through the transition, and from there over
+    into the line of steady cutting, whose logarithm is ``level`` (p,) in the ``middle`` (p,)."""
+    beyond = x - onset[:, None]
+    force = _through(beyond, onset, rising, later)
     part = np.clip((beyond / DROP_WINDOW - KNOWN) / (SETTLED - KNOWN), 0.0, 1.0)
-    return force + part * (np.maximum(math.exp(level) + slope * (x - middle), 0.0) - force)
+    line = np.exp(level)[:, None] + slope[:, None] * (x - middle[:, None])
+    return force + part * (np.maximum(line, 0.0) - force)
 
 
-def _falling(onset: float, rising: np.ndarray, later: np.ndarray, root_drop: float) -> np.ndarray:
-    """A curve beyond its onset, whose falls are made larger or smaller, until it falls by a drop."""
-    travel = np.concatenate([np.linspace(0, onset, rising.size), onset + TRAVELS_BEYOND_ONSET[1:]])
-    highest, part = np.maximum.accumulate(later), 1.0
-    for _ in range(4):
+def _falling(onset: np.ndarray, rising: np.ndarray, later: np.ndarray, root_drop: np.ndarray) -> np.ndarray:
+    """Curves (p, m) beyond their onsets, whose falls are made larger or smaller until they fall by a drop,
+    ``root_drop`` (p,), much as ``cutbench.run.measures`` has it."""
+    spacing = BLUR * DROP_WINDOW / PLACES_OF_BLUR
+    window, half = round(DROP_WINDOW / spacing), PLACES_OF_BLUR // 2
+    beyond = spacing * np.arange(-window - half, round(KNOWN * window) + 1)
+    counts = (beyond <= TRANSITION * DROP_WINDOW)[half:-half]
+    there = np.broadcast_to(beyond, (len(onset), beyond.size))
+    highest, part, found = np.maximum.accumulate(later, axis=1), np.ones((len(onset), 1)), later
+    for _ in range(BENDINGS):
+        force = _through(there, onset, rising, found)
+        total = np.cumsum(force[:, 1:] + force[:, :-1], axis=1) / (2 * PLACES_OF_BLUR)
+        total = np.pad(total, ((0, 0), (1, 0)))
+        mean = total[:, 2 * half :] - total[:, : -2 * half]
+        ahead = np.pad(mean, ((0, 0), (0, window)), mode="edge")
+        low = sliding_window_view(ahead, window + 1, axis=1).min(axis=2)
+        seen = counts & (mean > 0)
+        falls = np.max(np.divide(mean - low, mean, out=np.zeros_like(mean), where=seen), axis=1)[:, None]
+        wanted = np.maximum(root_drop[:, None], 0.0) ** 2
+        part = part * np.divide(wanted, falls, out=np.ones_like(falls), where=falls > 0)
         found = np.maximum(highest + part * (later - highest), 0.0)
-        falls = relative_fall(travel, np.concatenate([rising, found[1:]]), DROP_WINDOW, onset, 0.0)
-        part *= max(root_drop, 0.0) ** 2 / falls if falls > 0 else 1.0
     return found
 
 

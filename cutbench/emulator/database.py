@@ -15,9 +15,10 @@ from cutbench.case.model import Model
 from cutbench.emulator.alignment import MIN_SPARE_CURVES, AlignedCurves, Course
 from cutbench.emulator.groups import Coordinate, Groups, is_same_value
 from cutbench.mechanisms import registry
+from cutbench.mechanisms.base import Mechanism
 
 #: Beyond the range of the known runs by more than this part of it nothing is said.
-EXTRAPOLATION = 0.25
+EXTRAPOLATION = 0.3
 #: Travels at which curves are said.
 TRAVEL_POINTS = 80
 
@@ -130,15 +131,12 @@ class CutEmulator(Emulator):
         if groups is None or not alike:
             raise ValueError("no units")
         self.groups, self.model = groups, first.model
-        # A law that does what another value does is that value: it is no coordinate.
-        self._equal = [law for law in first.model.all if law.like(first.p)]
-        others = {q.name for law in registry().values() if law not in self._equal for q in law.parameters}
-        other_words = {q.name for law in self._equal for q in law.parameters} - others
+        self._equal, other_words = self.equal_laws(first)
         free = {*free, *(name for law in self._equal for name in law.like(first.p))}
         # Where each ends: its depth, or its duration times its speed.
         ways = [c.motion[-1][0] * c.values["speed"] if c.motion else c.values["depth"] for c in cases]
         ends = [way / groups.length(c.values) for way, c in zip(ways, cases, strict=True)]
-        asked = [groups.reduced(self._with_equal_laws_replaced(c.values)) for c in cases]
+        asked = [self._reduced(c.values) for c in cases]
         # Runs that differ in anything else, as those of other candidates do, say little of these.
         may_differ = {
             n for n in groups.powers if any(not is_same_value(a[n], asked[0][n]) for a in asked)
@@ -151,7 +149,7 @@ class CutEmulator(Emulator):
             own = _values_as_model(run.case, first)
             if own is None or run.x[-1] / groups.length(own) < min(ends) * (1 - 1e-9):
                 continue
-            seen = groups.reduced(values := self._with_equal_laws_replaced(own))
+            seen, values = self._reduced(own), self._with_equal_laws_replaced(own)
             fixed = (n for n in seen if n not in may_differ | other_words)
             if all(any(is_same_value(seen[n], a[n]) for a in asked) for n in fixed):
                 known.append((run, seen, values))
@@ -171,6 +169,14 @@ class CutEmulator(Emulator):
         if key not in made:
             made[key] = AlignedCurves(X, courses, self.x)
         self.curves = made[key]
+
+    @staticmethod
+    def equal_laws(case: Case) -> tuple[list[Mechanism], set[str]]:
+        """The laws that do what another value does, which are that value and no coordinate; and the names of
+        what they alone have."""
+        equal = [law for law in case.model.all if law.like(case.p)]
+        others = {q.name for law in registry().values() if law not in equal for q in law.parameters}
+        return equal, {q.name for law in equal for q in law.parameters} - others
 
     @staticmethod
     def _coordinates_of(
@@ -211,6 +217,9 @@ class CutEmulator(Emulator):
                 values = {**values, **law.like(self.model.namespace(values))}
         return values
 
+    def _reduced(self, values: Mapping[str, float]) -> dict[str, float]:
+        return self.groups.reduced(self._with_equal_laws_replaced(values))
+
     @property
     def count(self) -> int:
         """The number of runs that it knows."""
@@ -239,7 +248,7 @@ class CutEmulator(Emulator):
         return float(self.curves.onset(self._places([values]))[0] * self.groups.length(values))
 
     def _places(self, each: Sequence[Mapping[str, float]]) -> np.ndarray:
-        reduced = [self.groups.reduced(self._with_equal_laws_replaced(values)) for values in each]
+        reduced = [self._reduced(values) for values in each]
         columns = [c.of_values(np.array([r[c.name] for r in reduced])) for c in self.coordinates]
         found = np.stack(columns, axis=1) if columns else np.zeros((len(each), 0))
         low, high = self.curves.X.min(axis=0), self.curves.X.max(axis=0)

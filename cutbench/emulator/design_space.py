@@ -57,9 +57,11 @@ class GroupRange:
             return np.log(np.maximum(value, 1e-300))
         return np.arcsinh(value / self.unit) if self.kind == "asinh" else -np.log1p(-2 * value)
 
-    def holds(self, value: np.ndarray | float) -> np.ndarray | bool:
-        """Whether values are within it."""
-        return (self.low * (1 - 1e-6) <= value) & (value <= self.high * (1 + 1e-6))
+    def holds(self, value: np.ndarray | float, margin: float = 0.0) -> np.ndarray | bool:
+        """Whether values are within it, and a ``margin`` of so many of its lengths."""
+        low, high = self.coordinate(np.array([self.low, self.high]))
+        more, at = (margin + 1e-6) * (high - low), self.coordinate(np.asarray(value))
+        return (low - more <= at) & (at <= high + more)
 
     def value(self, part: float) -> float:
         """The value at a part (0 to 1) of the side, six digits."""
@@ -105,9 +107,15 @@ class DesignSpace:
             for s in self.ranges
         ]  # fmt: skip
 
-    def beyond(self, found: Sequence[float]) -> list[tuple[GroupRange, float]]:
-        """Sides that do not hold their values, with these."""
-        return [(s, v) for s, v in zip(self.ranges, found, strict=True) if not s.holds(v)]
+    def beyond(
+        self, found: Sequence[float], margins: Mapping[str, float] | None = None
+    ) -> list[tuple[GroupRange, float]]:
+        """Sides that do not hold their values, with these; ``margins``: by side, the part beyond it that is
+        held, too."""
+        more = margins or {}
+        return [
+            (s, v) for s, v in zip(self.ranges, found, strict=True) if not s.holds(v, more.get(s.name, 0.0))
+        ]
 
     def outside(self, side: GroupRange, value: float, case: Case) -> tuple[str, str, str]:
         """What is wrong with a value of a side, for a case that has it: the parameter, its value, and the

@@ -84,9 +84,9 @@ def _complex_stepped(
     for values, name in pairs:
         moved = {**vars(p), **values}
         stepped.append(model.namespace({**moved, name: moved[name] + 1j * STEP}))
-    history = any(law.start(1, p) for law in model.laws("bulk"))
-    if experiment.kind == "sliding" or (experiment.kind in HOMOGENEOUS and not history):
-        # Without memory all readings are solved at once, so the parameters come one by one.
+    batched = any(law.start(1, p) or law.directed for law in model.laws("bulk"))
+    if experiment.kind == "sliding" or (experiment.kind in HOMOGENEOUS and not batched):
+        # Without memory all readings are solved at once, and soon: the parameters come one by one.
         return np.stack([_read(experiment, model, one, at, 1)[:, 0] for one in stepped], axis=1)
     batch = SimpleNamespace(**vars(p))
     moving = dict.fromkeys(key for values, name in pairs for key in (*values, name))
@@ -98,6 +98,7 @@ def _complex_stepped(
 def _read(experiment: Experiment, model: Model, p: SimpleNamespace, at: Averaged, count: int) -> np.ndarray:
     """(n, count), with what the testing machine does."""
     history = LoadingHistory.of(experiment, at)
+    p = SimpleNamespace(**{**vars(p), **model.turned(experiment.angle)})
     # What is not known of the machine in a test is left out there.
     if not (model.laws("rig") and experiment.mounted and "rig" in SLOTS[experiment.kind]):
         return _respond(experiment.kind, history, model, p, experiment.direction, count)

@@ -101,8 +101,9 @@ class Mechanism:
     published: ClassVar[bool] = False
     #: Whether it is there for the march's sake alone: paths of equilibria leave it out.
     regularises: ClassVar[bool] = False
-    #: Whether its effect has a direction in the specimen, of which tests do not say how it was cut.
-    directed: ClassVar[bool] = False
+    #: Of a law whose effect has a direction in the body: its angle by which a specimen is turned that was
+    #: cut out otherwise.
+    directed: ClassVar[str] = ""
     #: Words for it that set nothing, and what to write instead.
     meant: ClassVar[Mapping[str, str]] = {}
     #: What a person may set in place of the law's parameters, in case files, studies and options.

@@ -36,11 +36,13 @@ _FIXED = frozenset(q.name for q in SPECIMEN) | {"depth", "slice_push"}
 _FACES = frozenset({"cut", "blade", "rig"})
 
 
-def differentiable(model: Model) -> tuple[str, ...]:
+def differentiable(model: Model, angles: bool = False) -> tuple[str, ...]:
     """Names of the parameters that a run of ``model`` can be differentiated by; no angle that says how much
-    of the specimen is meshed."""
-    turned = {q.name for law in model.all if law.directed for q in law.parameters if q.unit == "deg"}
-    return tuple(name for name in model.parameters() if name not in _FIXED | turned)
+    of the specimen is meshed, unless none is: then ``angles``, too."""
+    directed = [law for law in model.all if law.directed]
+    turned = {q.name for law in directed for q in law.parameters if q.unit == "deg"}
+    left_out = _FIXED | ({law.directed for law in directed} if angles else turned)
+    return tuple(name for name in model.parameters() if name not in left_out)
 
 
 def checked(case: Case, names: Sequence[str]) -> tuple[str, ...]:
@@ -78,7 +80,12 @@ class Added(NamedTuple):
 
     def shares_unknowns_with(self, base: Case) -> bool:
         """Whether its unknowns are those of ``base``, which lacks the laws: no run of its own is needed."""
-        same = self.case.model.laws("support") == base.model.laws("support")
+        own = self.case.model.parameters()
+        acting = {name: own[name].typical * own[name].factor for name in self.names}
+        model, p = self.case.model, replace(self.case, values={**self.case.values, **acting}).p
+        same = model.laws("support") == base.model.laws("support")
+        # What is oblique, once it acts, takes more than the part that stands for the whole without it.
+        same = same and model.mirrored(p) == base.model.mirrored(base.p)
         return same and base.numerics.element != "P2P1"
 
 

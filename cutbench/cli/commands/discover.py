@@ -8,7 +8,15 @@ from typing import Annotated
 
 import typer
 
-from cutbench.cli.options import CampaignFile, Limit, Refine, Workers, search_campaign, with_exit_status
+from cutbench.cli.options import (
+    ByAtlas,
+    CampaignFile,
+    Limit,
+    Refine,
+    Workers,
+    search_campaign,
+    with_exit_status,
+)
 
 
 @with_exit_status
@@ -20,12 +28,14 @@ def discover(
     workers: Workers = None,
     refine: Refine = True,
     limit: Limit = None,
+    by_atlas: ByAtlas = False,
 ) -> None:
     """Fit the baseline, show where it fails, name the mechanism that explains it and what it gains."""
     from cutbench.calibration.fitting import INTERRUPTED
     from cutbench.discovery import report, search
 
-    found = search_campaign(search.discover, report, campaign, out, workers, limit, refine=refine)
+    found = search_campaign(search.discover, report, campaign, out, workers, limit, refine=refine,
+                            by_atlas=by_atlas)  # fmt: skip
     if found.stopped == INTERRUPTED:
         raise typer.Exit(130)
     if found.verdict == "undecided":

@@ -7,7 +7,15 @@ from typing import Annotated
 
 import typer
 
-from cutbench.cli.options import CampaignFile, Limit, Refine, Workers, search_campaign, with_exit_status
+from cutbench.cli.options import (
+    ByAtlas,
+    CampaignFile,
+    Limit,
+    Refine,
+    Workers,
+    search_campaign,
+    with_exit_status,
+)
 
 
 @with_exit_status
@@ -23,9 +31,7 @@ def fit(
     ] = None,
     refine: Refine = True,
     limit: Limit = None,
-    by_atlas: Annotated[
-        bool, typer.Option("--estimate", help="Take cuts from the atlas: seconds, and no run is computed.")
-    ] = False,
+    by_atlas: ByAtlas = False,
 ) -> None:
     """Fit a campaign's free parameters to all its train experiments, predict its test experiments."""
     from cutbench.calibration import fitting, report

@@ -5,11 +5,13 @@ fibres. As there it is isochoric, Ī₄ = J^(−2/3) |F a|² the squared stretch
 
     a = (cos θ cos φ, sin θ cos φ, sin φ),
 
-x across the cut plane, y against the blade's way and z along its edge, and κ their dispersion: 0 where all
-are parallel, 1/3 where they have no direction. E is the mean strain of the fibres; below 0 they buckle and
-carry nothing. Beyond k₂ E² = 6 the stress grows with the slope that it has there: a trial state may lie
-beyond. That strong fibres are isochoric costs volume: those that are pulled can give way by swelling what
-holds them (Helfenstein et al., Int. J. Solids Struct. 47 (2010) 2056, 10.1016/j.ijsolstr.2010.04.005).
+x across the cut plane, y against the blade's way and z along its edge; where there is no blade x is pulled
+or pressed and z is the sheet's normal. A specimen that was cut out of the body at an angle α
+(``specimen_angle``) has θ − α for θ. κ is their dispersion: 0 where all are parallel, 1/3 where they have
+no direction. E is the mean strain of the fibres; below 0 they buckle and carry nothing. Beyond k₂ E² = 6
+the stress grows with the slope that it has there: a trial state may lie beyond. That strong fibres are
+isochoric costs volume: those that are pulled can give way by swelling what holds them (Helfenstein et al.,
+Int. J. Solids Struct. 47 (2010) 2056, 10.1016/j.ijsolstr.2010.04.005).
 """
 
 import numpy as np
@@ -20,13 +22,11 @@ from cutbench.mechanisms.bulk._isotropic import Kinematics
 from cutbench.mechanisms.bulk.fung import STEEP
 
 
-def _direction(p):
-    """a."""
-    return (
-        np.cos(p.fibre_angle) * np.cos(p.fibre_incline),
-        np.sin(p.fibre_angle) * np.cos(p.fibre_incline),
-        np.sin(p.fibre_incline),
-    )
+def direction(p):
+    """a in the specimen."""
+    turned = p.fibre_angle - p.specimen_angle
+    in_plane = np.cos(p.fibre_incline)
+    return np.cos(turned) * in_plane, np.sin(turned) * in_plane, np.sin(p.fibre_incline)
 
 
 class Fibres(Bulk):
@@ -36,7 +36,7 @@ class Fibres(Bulk):
     title = "fibres"
     family = "anisotropy"
     adds_stiffness = False
-    directed = True
+    directed = "specimen_angle"
     reads = ("G",)
     parameters = (
         Parameter.effect("g_f", "1", "k₁/G", "stiffness k₁ of the fibres, over G", high=1000.0, typical=1.0),
@@ -50,6 +50,7 @@ class Fibres(Bulk):
             high=1 / 3,
             default=0.0,
             typical=0.1,
+            sought=False,
         ),
         Parameter(
             "fibre_angle",
@@ -60,7 +61,6 @@ class Fibres(Bulk):
             high=180.0,
             default=0.0,
             typical=30.0,
-            sought=False,
         ),
         Parameter(
             "fibre_incline",
@@ -73,6 +73,18 @@ class Fibres(Bulk):
             typical=20.0,
             sought=False,
         ),
+        Parameter(
+            "specimen_angle",
+            "deg",
+            "α",
+            "angle, in the section, at which the specimen was cut out: from where fibre_angle counts to"
+            " across the cut plane, or to the pull",
+            low=-180.0,
+            high=180.0,
+            default=0.0,
+            typical=45.0,
+            sought=False,
+        ),
     )
 
     def groups(self, p):
@@ -80,14 +92,15 @@ class Fibres(Bulk):
 
     def mirrored(self, p):
         # A mirror leaves what lies in it or across it, and what has no direction.
-        return tuple(
-            p.g_f * (1 - 3 * p.fibre_dispersion) * min(abs(a), 1 - abs(a)) < 1e-12 for a in _direction(p)
+        oblique = (
+            p.g_f * (1 - 3 * p.fibre_dispersion) * np.minimum(abs(a), 1 - abs(a)) for a in direction(p)
         )
+        return tuple(bool(np.all(each < 1e-12)) for each in oblique)
 
     def _strain(self, k, p):
         """E (N,), what of it is up to k₂ E² = 6, and F H and r, H = κ 1 + (1 − 3κ) a⊗a: dE/dF is
         2 J^(−2/3) (F H − r C)."""
-        a, kappa = _direction(p), p.fibre_dispersion
+        a, kappa = direction(p), p.fibre_dispersion
         along = sum(k.F[:, J] * a[J] for J in range(3))
         FH = kappa * k.F + (1 - 3 * kappa) * np.stack([along * each for each in a], axis=1)
         trace = (k.F * FH).sum(axis=(0, 1))

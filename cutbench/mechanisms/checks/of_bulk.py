@@ -92,7 +92,7 @@ def is_frame_indifferent(t: Trial) -> None:
 def directions_are_told(t: Trial) -> None:
     """Its energy knows a direction if and only if it is directed, and is mirrored as it says."""
     F, here = deformations(), t.energy(deformations())
-    assert np.allclose(t.energy(times(F, rotations())), here, 1e-10, 1e-14) != t.law.directed, (
+    assert np.allclose(t.energy(times(F, rotations())), here, 1e-10, 1e-14) != bool(t.law.directed), (
         "'directed' says whether its energy has a direction"
     )
     for same, axis in zip(t.law.mirrored(t.numbers()), 1 - 2 * np.eye(3), strict=True):
