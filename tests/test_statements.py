@@ -26,7 +26,7 @@ STATEMENTS = {
     "maps": 3155,
     "data": 2849,
     "homogeneous": 508,
-    "calibration": 1642,
+    "calibration": 1631,
     "discovery": 1558,
     "app": 1129,
     "cli": 1124,

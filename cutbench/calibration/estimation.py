@@ -39,8 +39,6 @@ MAX_ROUNDS_NEARBY = 3
 USUAL_ROUNDS = 3
 #: A place that moves by less than this part of all standard deviations stays where it is.
 STATIONARY = 0.3
-#: The atlas is believed where it misses less than this part of each curve's maximum (root mean square).
-DESCRIBED = 0.15
 #: Half of the sides of a box about a place that other tests, or another model's fit, say: so many standard
 #: deviations of theirs, between a sixth and the box without them.
 HALF_SIDE_IN_SD, SMALLEST_HALF_SIDE = 2.5, 0.15
@@ -284,35 +282,19 @@ def _search_radius(posterior: Posterior, q: np.ndarray) -> np.ndarray:
 
 
 def _search_box(posterior: Posterior, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Where cuts are worth computing, as far as the atlas, or else tests that have a formula, say: a place,
-    and the ends."""
+    """Where cuts are worth computing, as far as tests that have a formula say: a place, and the ends."""
     half, low, high = np.full(q.size, SETTINGS.reach), *posterior.bounds
-    found = _by_atlas(posterior, q) if posterior.tests_with_runs else None
     exact = tuple(e for e in posterior.tests if e not in posterior.cuts)
-    if found is None and exact:
+    if exact:
         p = posterior.predictions
         alone = replace(p.campaign, experiments=exact)
-        found = Posterior(p.of(alone), posterior.parameters, half.copy(), q).maximum(q)
-    if found is not None:
+        some = Posterior(p.of(alone), posterior.parameters, half.copy(), q)
+        found = some.maximum(q)
         q, half = (
             found.q,
             np.clip(HALF_SIDE_IN_SD * np.sqrt(np.diag(found.covariance)), SMALLEST_HALF_SIDE, half),
         )
     return q, np.maximum(q - half, low), np.minimum(q + half, high)
-
-
-def _by_atlas(posterior: Posterior, q: np.ndarray) -> Estimated | None:
-    """The most probable parameters as the atlas has cuts; None where it has none like these, or does not
-    describe them."""
-    some = Posterior(posterior.predictions.of_atlas, posterior.parameters, posterior.prior_sds, q)
-    try:
-        found = _best_maximum(some, [q, *_further_starts(some, q)])
-    except ComputationFailed:
-        return None
-    misses = (
-        np.sqrt(np.mean(r**2)) / np.abs(found.w.grids[id].mean).max() for id, r in found.at.residual.items()
-    )
-    return found if max(misses) < DESCRIBED else None
 
 
 def _compute_initial_design(

@@ -108,11 +108,6 @@ class Predictions:
         """The same of another model."""
         return Predictions(self.campaign, base, self.grids, self.runs, free, self.by_atlas)
 
-    @property
-    def of_atlas(self) -> Predictions:
-        """The same with cuts of the atlas."""
-        return Predictions(self.campaign, self.base, self.grids, self.runs, self.free, by_atlas=True)
-
     def of(self, campaign: Campaign) -> Predictions:
         """The same for the tests of another campaign."""
         return Predictions(campaign, self.base, self.grids, self.runs, self.free, self.by_atlas)
