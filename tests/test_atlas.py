@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 import cutbench
 from cutbench.base.errors import BadInput
-from cutbench.case.case import load_case
+from cutbench.case.case import Case, load_case
 from cutbench.cli.main import app
 from cutbench.data import Experiment, FitPlan, Repetition
 from cutbench.emulator import estimate
@@ -225,24 +225,50 @@ def test_arrays_that_cannot_be_used_are_refused(changes, words):
         estimate("gelatin", **changes)
 
 
-def test_a_fit_takes_cuts_from_it_and_computes_none():
-    """Of noisy curves that it gives itself it finds the gel, beginning from another."""
+def cuts_of_its_own(late_mm: float = 0.0) -> tuple[Case, tuple[Experiment, ...]]:
+    """Noisy curves that it gives itself, of a gel other than the one that a search begins with, recorded from
+    where the blade is that deep."""
     rng, cuts = np.random.default_rng(11), []
     base = load_case("gelatin", {"depth": "6 mm"})
     for name, speed in (("slow", 0.021), ("fast", 0.05)):
         said = estimate(base.set(G="9 kPa", G_c="6.5 J/m^2", speed=f"{speed} mm/s"))
+        x, force = said.x_mm[said.x_mm >= late_mm][::4], said.force_N[said.x_mm >= late_mm][::4]
         repetitions = tuple(
-            Repetition(said.x_mm[::4], force + 0.01 * force.max() * rng.standard_normal(force.size))
-            for force in [said.force_N[::4]] * 3
+            Repetition(x - late_mm, force + 0.01 * force.max() * rng.standard_normal(force.size))
+            for _ in range(3)
         )
         cuts.append(Experiment(name, "cut", repetitions, speed=speed))
-    found = cutbench.fit(
-        cutbench.Campaign("Gel", base, tuple(cuts), plan=FitPlan(free=("G", "G_c"))), workers=0, by_atlas=True
-    )
+    return base, tuple(cuts)
+
+
+def test_a_fit_takes_cuts_from_it_and_computes_none():
+    base, cuts = cuts_of_its_own()
+    plan = FitPlan(free=("G", "G_c"))
+    found = cutbench.fit(cutbench.Campaign("Gel", base, cuts, plan=plan), workers=0, by_atlas=True)
     assert found.done and found.runs == 0
     for name, true in (("G", 0.009), ("G_c", 0.0065)):
         assert found.estimate(name).low <= true <= found.estimate(name).high
         assert found.estimate(name).value == pytest.approx(true, rel=0.1)
+
+
+def test_a_search_for_causes_takes_cuts_from_it_and_computes_none():
+    """A record that began late is named where there is one; a law that needs runs says so."""
+    base, late = cuts_of_its_own(late_mm=0.5)
+    held = tuple(n for n in base.model.parameters() if n not in ("G", "G_c"))
+    campaign = cutbench.Campaign(
+        "Gel", base, late, candidates=("contact_offset", "gent"), plan=FitPlan(("G", "G_c"), held)
+    )
+    found = cutbench.discover(campaign, workers=0, by_atlas=True)
+    assert found.names == ("contact_offset",) and found.fit.runs == 0
+    assert abs(found.final.values()["offset"]) == pytest.approx(0.5, abs=0.1)
+    assert "gent" in found.steps[0].failed
+    # Without it nothing is found, and nothing is sure.
+    base, cuts = cuts_of_its_own()
+    campaign = cutbench.Campaign(
+        "Gel", base, cuts, candidates=("contact_offset",), plan=FitPlan(("G", "G_c"), held)
+    )
+    found = cutbench.discover(campaign, workers=0, by_atlas=True)
+    assert (found.verdict, found.names) == ("undecided", ())
 
 
 @pytest.mark.slow
