@@ -31,7 +31,8 @@ MAX_PREDICTION_RATIO = 1e4
 #: A parameter is at a bound that is nearer than this.
 AT_BOUND = 1e-6
 #: So many steps at most are made with one covariance, and so often at most it is found anew, until no
-#: parameter moves by more than this part of its own standard deviation, or the log posterior grows by less.
+#: parameter moves by more than this part of its own standard deviation; or, by the atlas, the log posterior
+#: grows by less.
 MAX_STEPS, MAX_FIXED_POINT_ITERATIONS, STATIONARY = 12, 8, 0.1
 
 
@@ -281,8 +282,8 @@ class Posterior:
             at = self.evaluate(_strictly_within(found.x, low, high))
             precision = np.linalg.norm(self.whitened(at, w)[1], axis=0)
             better = Estimated(self, at, self.covariance(at))
-            # What is interpolated has kinks, about which a search may go on for ever.
-            still = better.log_posterior < last.log_posterior + STATIONARY
+            # The atlas has kinks, about which a search may go on for ever.
+            still = self.predictions.by_atlas and better.log_posterior < last.log_posterior + STATIONARY
             if still or np.all(np.abs(at.q - before) * precision <= STATIONARY):
                 return max(better, last, key=lambda each: each.log_posterior) if still else better
             last = better

@@ -88,7 +88,7 @@ class ComparedModel:
             found.append(f"chance alone gains as much in {100 * self.p:.2g} % of such data")
         if self.evidence <= 0:
             found.append("the evidence is for the model without it")
-        elif self.evidence <= self.evidence_sd:
+        elif self.fitted.posterior.predictions.by_atlas and self.evidence <= self.evidence_sd:
             found.append("the error of what is predicted may make as much evidence")
         if self.significant and self.explained_variance < SETTINGS.share:
             found.append(f"it explains {100 * max(self.explained_variance, 0):.0f} % of what is missed")
@@ -430,7 +430,8 @@ def _fitted_within_box(null: Estimated, s: Score) -> Estimated | None:
 def _fitted_from_score(null: Estimated, s: Score) -> Estimated | None:
     """The model with a candidate from a score's step, and from parts of it where a law may lock before."""
     best: Estimated | None = None
-    quick = not (null.posterior.cuts or s.sensitivity.candidate.shapes)
+    by_atlas = null.posterior.predictions.by_atlas
+    quick = not (by_atlas or s.sensitivity.by_runs or s.sensitivity.candidate.shapes)
     for part in STEP_FRACTIONS:
         try:
             posterior, q = _extended_posterior(null, replace(s, strengths=part * s.strengths))
