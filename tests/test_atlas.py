@@ -271,6 +271,14 @@ def test_a_search_for_causes_takes_cuts_from_it_and_computes_none():
     assert (found.verdict, found.names) == ("undecided", ())
 
 
+@pytest.mark.parametrize("search", [cutbench.fit, cutbench.discover])
+def test_a_campaign_with_a_blade_that_it_lacks_is_refused(search):
+    base, cuts = cuts_of_its_own()
+    bevelled = base.set(**{"with": "bevel"})
+    with pytest.raises(BadInput, match="bevel"):
+        search(cutbench.Campaign("Gel", bevelled, cuts), workers=0, by_atlas=True)
+
+
 @pytest.mark.slow
 def test_runs_lie_where_it_says():
     """Four points that nobody ran before: nine in ten values lie within, so that most of these do."""

@@ -20,7 +20,7 @@ from cutbench.case.motion import Motion
 from cutbench.data.campaign import Campaign
 from cutbench.data.experiment import Experiment
 from cutbench.data.repetition import Averaged
-from cutbench.emulator import AtlasCuts, CutEmulator, NotInAtlas, OutOfRange
+from cutbench.emulator import AtlasCuts, CutEmulator, OutOfRange
 from cutbench.homogeneous import slopes
 
 #: Cuts are computed deeper than they were measured by this part, where the specimen is high enough: a machine
@@ -143,10 +143,10 @@ class Predictions:
         return self._emulators[1][motion]
 
     def _of_atlas(self, e: Experiment, cases: Sequence[Case]) -> AtlasCuts:
-        """The atlas of cuts like ``e``. Raises ComputationFailed."""
+        """The atlas of cuts like ``e``. Raises NotInAtlas, ComputationFailed."""
         try:
             return AtlasCuts(without_rig(self.campaign.case(e, self.campaign.base)), cases, self.free)
-        except (NotInAtlas, ValueError) as error:
+        except ValueError as error:
             raise ComputationFailed(f"not by the atlas: {error}") from error
 
     def case(self, e: Experiment, values: Mapping[str, float]) -> Case:
