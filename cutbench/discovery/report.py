@@ -272,7 +272,9 @@ def _numerical(d: Discovery) -> Table:
         )
         for s in d.numerics.scores
     ]
-    none = "Not asked: the baseline does not fail." if mesh else "These tests are computed without a mesh."
+    by_atlas = d.first is not None and d.first.posterior.predictions.by_atlas
+    why = "no cut was computed" if by_atlas else "the baseline does not fail"
+    none = f"Not asked: {why}." if mesh else "These tests are computed without a mesh."
     return Table(("cause", "z", "log evidence", "would explain"), rows, none=none)
 
 
