@@ -243,8 +243,11 @@ def tested(made: Atlas, runs: Sequence[Mapping[str, Any]]) -> dict[str, list[tup
         F = np.interp(said.x_mm, x, run["force_N"])
         held = (said.low_N <= F) & (said.high_N >= F)
         rows["curve"].append((np.sqrt(np.mean((F - said.force_N)[there] ** 2)) / F.max(), held[there].mean()))
+        # What is steady is so over the last travel of a run, which may have ended early.
+        until_there = made.estimate(run["case"].set(until="depth", depth=f"{x[-1]:.9g} mm"))
         for name, key in ESTIMATED.items():
-            interval = vars(said)["drop" if name == "drop" else key]
+            source = until_there if name == "steady" else said
+            interval = vars(source)["drop" if name == "drop" else key]
             if math.isfinite(true[key]) and math.isfinite(interval.value):
                 off = abs(interval.value - true[key]) / (1.0 if name == "drop" else abs(true[key]))
                 rows[name].append((off, interval.low <= true[key] <= interval.high))
