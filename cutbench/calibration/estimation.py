@@ -144,7 +144,7 @@ def successive_estimates(
         # What the emulator promises is asked only as far from the best place as its promises hold.
         reach = reach / 2 if worse else reach
         about = _surrogate_about(best)
-        found = about.maximum(best.q, within=(best.q - reach, best.q + reach))
+        found = about.maximum(best.q, reach)
         still = np.all(np.abs(found.q - best.q) < STATIONARY * np.sqrt(np.diag(best.covariance)))
         gained = found.log_posterior - _evaluated_at(about, best.q).log_posterior
         if settled := bool(still) or gained < SETTINGS.gained:

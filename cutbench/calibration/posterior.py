@@ -248,12 +248,11 @@ class Posterior:
         rows, columns = zip((r, J), *more, before, strict=True)
         return np.concatenate(rows), np.vstack(columns)
 
-    def maximum(self, q: np.ndarray, within: tuple[np.ndarray, np.ndarray] | None = None) -> Estimated:
-        """The most probable parameters near ``q`` (k,), ``within`` two ends (k,). Raises NotComputed,
-        ComputationFailed."""
+    def maximum(self, q: np.ndarray, reach: np.ndarray | float = math.inf) -> Estimated:
+        """The most probable parameters near ``q`` (k,), no farther from it than ``reach``. Raises
+        NotComputed, ComputationFailed."""
         low, high = self.bounds
-        if within is not None:
-            low, high = np.maximum(low, within[0]), np.minimum(high, within[1])
+        low, high = np.maximum(low, q - reach), np.minimum(high, q + reach)
         known: dict[bytes, Evaluated] = {}
 
         def evaluated(x: np.ndarray) -> Evaluated:

@@ -89,7 +89,7 @@ class Predictions:
         self._recorders = {
             e.id: Recorder.of(e, grids[e.id], base.model) for e in campaign.experiments if e.id in self._cuts
         }
-        self._emulators: tuple[int, dict[tuple, CutEmulator]] = (-1, {})
+        self._emulators: tuple[int, dict[tuple, CutEmulator | AtlasCuts]] = (-1, {})
         #: Whether a cut that was computed answers as it is, or as smoothly as those about it.
         self.exact = True
 
@@ -126,7 +126,7 @@ class Predictions:
         if self.needs_runs(e) and self.runs([case := self.case(e, values)]) == [None]:
             raise ComputationFailed(self.runs.failed[case.id])
 
-    def emulator(self, e: Experiment) -> CutEmulator:
+    def emulator(self, e: Experiment) -> CutEmulator | AtlasCuts:
         """Of all cuts that go the way of ``e``, from what was computed until now, or the atlas in place of
         that. Raises NotComputed."""
         known, motion = len(self.runs.database.runs), self._cuts[e.id].motion

@@ -10,11 +10,15 @@ import numpy as np
 from cutbench.case.case import Case
 from cutbench.emulator.alignment import main_parts
 from cutbench.emulator.atlas import row_of, shipped, space_of
-from cutbench.emulator.database import EXTRAPOLATION, TRAVEL_POINTS, CutEmulator, OutOfRange
+from cutbench.emulator.database import TRAVEL_POINTS, Emulator, OutOfRange
 from cutbench.emulator.groups import Groups
 
+#: Part of a side as far as which the atlas speaks of given sizes that lie beyond it: of a specimen ten
+#: thicknesses of its blade high.
+BEYOND = 0.3
 
-class AtlasCuts(CutEmulator):
+
+class AtlasCuts(Emulator):
     """An emulator of cuts by the atlas.
 
     The model of ``cases`` is that of ``plain``, which the atlas has, perhaps with laws beside it that do what
@@ -38,7 +42,7 @@ class AtlasCuts(CutEmulator):
             raise ValueError(f"no run tells what {', '.join(silent)} does")
         # Errors grow beyond the atlas, and a search ends there: only sizes that are given may lie beyond.
         searched = {*free, of["cohesion"], of["viscosity"]}
-        self._margins = {name: EXTRAPOLATION for name, q in of.items() if q not in searched}
+        self._margins = {name: BEYOND for name, q in of.items() if q not in searched}
         ends = [c.values["depth"] / groups.length(c.values) for c in cases]
         self.x = np.linspace(0.0, max(ends), TRAVEL_POINTS + 1)
 
@@ -51,13 +55,15 @@ class AtlasCuts(CutEmulator):
     def computed(self, values: Mapping[str, float]) -> None:
         """No run of the atlas is one of the campaign's."""
 
-    def root(self, values: Mapping[str, float], runs: bool = True) -> np.ndarray:
+    def root(self, values: Mapping[str, float]) -> np.ndarray:
+        """Compute a root of the covariance of the error of predicted forces. Gives (k, r)."""
         rows, depths = self._rows([values])
         drawn = shipped().drawn(rows, shipped().measures(rows, depths), self.x)
         off = (drawn[1:] - drawn[0]) / math.sqrt(len(drawn) - 1)
         return self._units([values])[0] * main_parts(off.T)
 
     def onset_mm(self, values: Mapping[str, float]) -> float:
+        """Predict where the cut begins."""
         m = shipped().measures(*self._rows([values]), spread=False)
         return math.exp(m.onset[0, 0]) * self.groups.length(values)
 

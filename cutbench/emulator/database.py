@@ -18,7 +18,7 @@ from cutbench.mechanisms import registry
 from cutbench.mechanisms.base import Mechanism
 
 #: Beyond the range of the known runs by more than this part of it nothing is said.
-EXTRAPOLATION = 0.3
+EXTRAPOLATION = 0.25
 #: Travels at which curves are said.
 TRAVEL_POINTS = 80
 
@@ -83,6 +83,7 @@ class Emulator:
     groups: Groups
     model: Model
     x: np.ndarray
+    _equal: list[Mechanism]
 
     def travel(self, values: Mapping[str, float]) -> np.ndarray:
         """Return the travels at which the forces of a cut are predicted. Gives (k,)."""
@@ -91,6 +92,27 @@ class Emulator:
     def forces(self, each: Sequence[Mapping[str, float]]) -> np.ndarray:
         """Predict the forces of cuts, which are smooth in the values. Gives (p, k). Raises OutOfRange."""
         raise NotImplementedError
+
+    @staticmethod
+    def equal_laws(case: Case) -> tuple[list[Mechanism], set[str]]:
+        """The laws that do what another value does, which are that value and no coordinate; and the names of
+        what they alone have."""
+        equal = [law for law in case.model.all if law.like(case.p)]
+        others = {q.name for law in registry().values() if law not in equal for q in law.parameters}
+        return equal, {q.name for law in equal for q in law.parameters} - others
+
+    def _with_equal_laws_replaced(self, values: Mapping[str, float]) -> Mapping[str, float]:
+        """``values`` as a model without the laws that do what another value does has them."""
+        for law in self._equal:
+            on = any(
+                q.off is not None and values.get(q.name, q.off_value) != q.off_value for q in law.parameters
+            )
+            if on:
+                values = {**values, **law.like(self.model.namespace(values))}
+        return values
+
+    def _units(self, each: Sequence[Mapping[str, float]]) -> np.ndarray:
+        return np.array([self.groups.force(self._with_equal_laws_replaced(values)) for values in each])
 
     def slopes(self, values: Mapping[str, float], names: Sequence[str]) -> np.ndarray:
         """Compute derivatives of the predicted forces by parameters.
@@ -171,14 +193,6 @@ class CutEmulator(Emulator):
         self.curves = made[key]
 
     @staticmethod
-    def equal_laws(case: Case) -> tuple[list[Mechanism], set[str]]:
-        """The laws that do what another value does, which are that value and no coordinate; and the names of
-        what they alone have."""
-        equal = [law for law in case.model.all if law.like(case.p)]
-        others = {q.name for law in registry().values() if law not in equal for q in law.parameters}
-        return equal, {q.name for law in equal for q in law.parameters} - others
-
-    @staticmethod
     def _coordinates_of(
         may_differ: Collection[str],
         free: Collection[str],
@@ -206,16 +220,6 @@ class CutEmulator(Emulator):
                 coordinates.append(coordinate)
                 columns.append(column)
         return coordinates, columns
-
-    def _with_equal_laws_replaced(self, values: Mapping[str, float]) -> Mapping[str, float]:
-        """``values`` as a model without the laws that do what another value does has them."""
-        for law in self._equal:
-            on = any(
-                q.off is not None and values.get(q.name, q.off_value) != q.off_value for q in law.parameters
-            )
-            if on:
-                values = {**values, **law.like(self.model.namespace(values))}
-        return values
 
     def _reduced(self, values: Mapping[str, float]) -> dict[str, float]:
         return self.groups.reduced(self._with_equal_laws_replaced(values))
@@ -257,9 +261,6 @@ class CutEmulator(Emulator):
             names = [c.name for c, is_far in zip(self.coordinates, far.any(axis=0), strict=True) if is_far]
             raise OutOfRange(f"no cut near enough is known: {', '.join(names)}")
         return found
-
-    def _units(self, each: Sequence[Mapping[str, float]]) -> np.ndarray:
-        return np.array([self.groups.force(self._with_equal_laws_replaced(values)) for values in each])
 
 
 def _collinear(one: np.ndarray, other: np.ndarray) -> bool:

@@ -16,6 +16,8 @@ from cutbench.emulator.groups import Groups
 
 #: A run ends this far down: as a part of the specimen's height, and in halves of the blade's thickness.
 MAX_DEPTH_FRACTION, MAX_DEPTH = 0.8, 40.0
+#: ν that counts as a half.
+INCOMPRESSIBLE = 0.5 - 1e-9
 
 
 @dataclass(frozen=True)
@@ -55,7 +57,9 @@ class GroupRange:
         value = np.asarray(value, dtype=float)
         if self.kind == "log":
             return np.log(np.maximum(value, 1e-300))
-        return np.arcsinh(value / self.unit) if self.kind == "asinh" else -np.log1p(-2 * value)
+        if self.kind == "asinh":
+            return np.arcsinh(value / self.unit)
+        return -np.log1p(-2 * np.minimum(value, INCOMPRESSIBLE))
 
     def holds(self, value: np.ndarray | float, margin: float = 0.0) -> np.ndarray | bool:
         """Whether values are within it, and a ``margin`` of so many of its lengths."""

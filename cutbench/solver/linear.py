@@ -60,7 +60,8 @@ def make_solver(name: str, indptr, indices, n: int, symmetric: bool) -> Pardiso 
     if name == "pardiso":
         if _mkl is None:
             raise SingularMatrix("py-mkl-pardiso is not installed here")
-        shared = threads() > 1 and n >= SHARED
+        # Phases one by one are the package's own affair: where it has none, one thread does all.
+        shared = threads() > 1 and n >= SHARED and hasattr(_mkl, "_PardisoSolver")
         return (Dissected if shared else Pardiso)(indptr, indices, n, symmetric)
     return SuperLU(indptr, indices, n, symmetric)
 

@@ -3,7 +3,8 @@
 Beside the cohesive law that is a work of separation of G_c (1 + k N·H N), where H is the structure tensor
 of ``fibres``, κ their dispersion and N the normal of the cut plane: fibres that cross it have to be cut, and
 between fibres that lie in it G_c does. That a structure tensor weighs toughness is usual for soft tissues
-(Gültekin, Dal & Holzapfel, Comput. Methods Appl. Mech. Eng. 331 (2018) 23).
+(Gültekin, Dal & Holzapfel 2018, Numerical aspects of anisotropic failure in soft biological tissues favor
+energy-based criteria, Comput. Methods Appl. Mech. Eng.).
 """
 
 import numpy as np
