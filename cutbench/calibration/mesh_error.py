@@ -11,9 +11,11 @@ values.
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
+from scipy.stats import norm
 
 from cutbench.case.case import Case
 from cutbench.data.covariance import (
@@ -38,6 +40,9 @@ SMOOTHING_WINDOW, ROUGHNESS_LENGTH = 6.0, 4.0
 FIELD_FACTOR = 0.01
 #: Error of a computed curve before it has been measured: of its smooth part, and of its roughness.
 SMOOTH_ERROR_GUESS, ROUGH_ERROR_GUESS = 0.05, 0.02
+#: Where a cut begins is known to this part of the way: so far it moves under refinement
+#: (docs/validation/convergence.md), and jags from run to run.
+ONSET_ERROR, SHIFTS = 0.015, 12
 
 
 def field_block(e: Experiment, computed: np.ndarray, fine: np.ndarray | None = None) -> Block:
@@ -65,8 +70,19 @@ def refined_case(case: Case) -> Case:
     return replace(case, numerics=case.numerics.finer(**REFINEMENT))
 
 
-def guessed_error(grid: Averaged, y: np.ndarray) -> np.ndarray:
-    """Covariance (m, m) of a computed curve's own error before it has been measured."""
+def guessed_error(grid: Averaged, y: np.ndarray, size: float = 1.0) -> np.ndarray:
+    """Covariance (m, m) of a computed curve's own error where it has not been measured; ``size``: over what
+    is guessed."""
+    return size**2 * _guessed_shape(grid, y) + _onset_error(grid, y)
+
+
+def size_of_error(grid: Averaged, y: np.ndarray, fine: np.ndarray) -> float:
+    """How large a measured error usually is beside a guess, but for where the cut begins."""
+    measured, guessed = _measured_shape(grid, y, fine), _guessed_shape(grid, y)
+    return math.sqrt(np.median(np.diag(measured) / np.diag(guessed)))
+
+
+def _guessed_shape(grid: Averaged, y: np.ndarray) -> np.ndarray:
     x = grid.along
     if grid.independent:
         return np.diag((ROUGH_ERROR_GUESS * y) ** 2)
@@ -77,8 +93,23 @@ def guessed_error(grid: Averaged, y: np.ndarray) -> np.ndarray:
     return smooth + ROUGH_ERROR_GUESS**2 * rough + np.diag((0.1 * ROUGH_ERROR_GUESS * size) ** 2)
 
 
+def _onset_error(grid: Averaged, y: np.ndarray) -> np.ndarray:
+    """Covariance (m, m) of a curve whose cut begins earlier or later: a steep drop is elsewhere, and has
+    between two values of the grid what shape it has."""
+    if grid.independent:
+        return np.zeros((y.size, y.size))
+    x = grid.along
+    shifts = ONSET_ERROR * norm.ppf((np.arange(SHIFTS) + 0.5) / SHIFTS)
+    off = np.array([np.interp((1 + shift) * x, x, y) - y for shift in shifts])
+    return off.T @ off / SHIFTS * matern(np.abs(x[:, None] - x), np.ptp(x) / (x.size - 1))
+
+
 def measured_error(grid: Averaged, y: np.ndarray, fine: np.ndarray) -> np.ndarray:
     """Covariance (m, m) of a computed curve with ``correction`` added, on an even grid (m,)."""
+    return _measured_shape(grid, y, fine) + _onset_error(grid, fine)
+
+
+def _measured_shape(grid: Averaged, y: np.ndarray, fine: np.ndarray) -> np.ndarray:
     if grid.independent:
         return np.diag((UNCERTAINTY_FACTOR * (fine - y)) ** 2)
     x = grid.along
