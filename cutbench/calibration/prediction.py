@@ -20,7 +20,7 @@ from cutbench.case.motion import Motion
 from cutbench.data.campaign import Campaign
 from cutbench.data.experiment import Experiment
 from cutbench.data.repetition import Averaged
-from cutbench.emulator import AtlasCuts, CutEmulator, OutOfRange
+from cutbench.emulator import AtlasCuts, CokrigedCuts, CutEmulator, NotInAtlas, OutOfRange
 from cutbench.homogeneous import slopes
 
 #: Cuts are computed deeper than they were measured by this part, where the specimen is high enough: a machine
@@ -57,7 +57,7 @@ class Predicted:
     root : ndarray, shape (m, r)
         Root of the covariance of its error: r is 0 where it is exact.
     onset_mm : float
-        Where a cut begins; nan where it does not, and of other tests.
+        Where a cut begins; nan where it does not, of other tests, and where none asks.
     """
 
     y: np.ndarray
@@ -134,9 +134,7 @@ class Predictions:
             self._emulators = known, {}
         if motion not in self._emulators[1]:
             cases = [without_rig(case) for case in self._cuts.values() if case.motion == motion]
-            found = (
-                self._of_atlas(e, cases) if self.by_atlas else self.runs.database.emulator(cases, self.free)
-            )
+            found = self._of_atlas(e, cases) if self.by_atlas else self._of_runs(e, cases)
             if found is None:
                 raise NotComputed(f"{known} cuts are too few")
             self._emulators[1][motion] = found
@@ -145,9 +143,28 @@ class Predictions:
     def _of_atlas(self, e: Experiment, cases: Sequence[Case]) -> AtlasCuts:
         """The atlas of cuts like ``e``. Raises NotInAtlas, ComputationFailed."""
         try:
-            return AtlasCuts(without_rig(self.campaign.case(e, self.campaign.base)), cases, self.free)
+            return AtlasCuts(self._plain(e), cases, self.free)
         except ValueError as error:
             raise ComputationFailed(f"not by the atlas: {error}") from error
+
+    def _of_runs(self, e: Experiment, cases: Sequence[Case]) -> CutEmulator | None:
+        """Of what was computed, beside the atlas where that has cuts like ``e``."""
+        known = self.runs.database
+        try:
+            return CokrigedCuts(known.runs, self._plain(e), cases, self.free, known.curves)
+        except NotInAtlas:
+            return known.emulator(cases, self.free)
+        except ValueError:
+            return None
+
+    def _plain(self, e: Experiment) -> Case:
+        """The baseline's cut without laws that do what another value does."""
+        case = without_rig(self.campaign.case(e, self.campaign.base))
+        model = case.model.without(*(law.name for law in case.model.all if law.like(case.p)))
+        kept = model.parameters()
+        return replace(
+            case, mechanisms=model.mechanisms, values={n: v for n, v in case.values.items() if n in kept}
+        )
 
     def case(self, e: Experiment, values: Mapping[str, float]) -> Case:
         """The case of a test with ``values`` in place of the base's; of a cut, as it is computed. Raises
@@ -220,7 +237,8 @@ class Predictions:
         course = np.stack([travel, force, x / every["speed"]])
         all_ = {**every, **dict.fromkeys(errors, 0.0)}
         y, read = self._recorders[e.id].read(course, all_, {**by, **errors}, (*names, *errors))
-        return Predicted(y, read[:, : len(names)], read[:, len(names) :], emulator.onset_mm(every))
+        onset = float("nan") if sure else emulator.onset_mm(every)
+        return Predicted(y, read[:, : len(names)], read[:, len(names) :], onset)
 
     def read(self, e: Experiment, values: Mapping[str, float], course: np.ndarray) -> np.ndarray:
         """What the machine reads (m,) of a computed cut's ``course`` (3, n)."""

@@ -15,6 +15,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "atlas": ["Atlas", "Estimate", "NotInAtlas", "shipped"],
         "estimates": ["estimate"],
         "atlas_cuts": ["AtlasCuts"],
+        "cokriging": ["CokrigedCuts"],
         "database": ["CutEmulator", "OutOfRange", "Run", "RunDatabase"],
         "groups": ["Groups"],
         "gaussian_process": ["GaussianProcess", "Kernel"],

@@ -228,7 +228,7 @@ class Atlas:
         self.groups, self.courses, self.measured = groups, courses, measured
         self.cumulative_work, self.wider, self.about = cumulative_work or {}, wider or {}, about or {}
         known = kernels or {}
-        self.X = self._coordinates(groups)
+        self.X = self.coordinates(groups)
         rise = np.linspace(0, MAX_DEPTH, INTERVALS_TO_ONSET + 1)
         of_curves = [known.get(name) for name in CURVES]
         self.curves = AlignedCurves(self.X, courses, rise, TRAVELS_BEYOND_ONSET, of_curves)
@@ -277,7 +277,8 @@ class Atlas:
         small["sizes"] = np.array([c.x.size for c in self.courses])
         np.savez_compressed(file, about=np.array(json.dumps(record)), **small)
 
-    def _coordinates(self, values: np.ndarray) -> np.ndarray:
+    def coordinates(self, values: np.ndarray) -> np.ndarray:
+        """Places (n, d) of rows of groups."""
         by_name = self._by_name(values)
         columns = {n: SIDES[i].coordinate(by_name[n]) for i, n in enumerate(by_name) if n in OF_ALL_BLADES}
         # How fast a blade opens the cut is a matter of its own width: η v/a is smoother than η v/δ_c.
@@ -334,7 +335,7 @@ class Atlas:
     def measures(self, groups: np.ndarray, depths: np.ndarray, spread: bool = True) -> Measures:
         """Estimate the measures of runs that were not computed, with their ``spread`` or without. With
         ``groups`` (p, d), ``depths`` (p,)."""
-        places = self._coordinates(groups)
+        places = self.coordinates(groups)
         onset = np.stack(self.curves.log_onset(places, spread), axis=1)
         onset[:, 1] *= self._widening("onset", groups)
         at, found = np.exp(onset[:, 0]), {"onset": onset}
@@ -358,7 +359,7 @@ class Atlas:
         assert units is not None, "of the atlas' model"
         half, force = units.length(case.values), units.force(case.values)
         depth = depth_of(case)
-        m, place = self.measures(groups, np.array([depth])), self._coordinates(groups)
+        m, place = self.measures(groups, np.array([depth])), self.coordinates(groups)
         (uncut,), (abrupt,) = chances(m, np.array([depth]))
         cut = uncut < 0.5
         end = float(np.exp(m.onset[0, 0])) + (KNOWN if case.until == UNTIL else math.inf) * DROP_WINDOW
@@ -384,7 +385,7 @@ class Atlas:
             drawn = self._widening("curve", groups)[0] * np.concatenate([half, -half])
             return np.concatenate([np.zeros((1, r)), drawn])  # the first is the mean
 
-        drawn = self.curves.draws(self._coordinates(groups), normal)
+        drawn = self.curves.draws(self.coordinates(groups), normal)
         onset, before, after = (each[0] for each in drawn)
         levels, slopes = (getattr(m, n)[0] @ [np.ones(DRAWS + 1), normal(part, 1)[:, 0]]
                           for part, n in ((OF_STEADY, "steady"), (OF_STEADY + 1, "slope")))  # fmt: skip
@@ -403,7 +404,7 @@ class Atlas:
     def forces(self, groups: np.ndarray, m: Measures, x: np.ndarray) -> np.ndarray:
         """Compute the forces (p, k) that have the measures ``m``, at travels of their own. With ``groups``
         (p, d), ``x`` (p, k)."""
-        onset, before, after = self.curves.parts(self._coordinates(groups))
+        onset, before, after = self.curves.parts(self.coordinates(groups))
         assert after is not None, "enough cuts begin"
         falling = _falling(onset, before, after, m.drop[:, 0])
         return joined(x, onset, before, falling, m.steady[:, 0], m.slope[:, 0], m.middle)

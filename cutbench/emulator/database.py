@@ -57,10 +57,12 @@ class RunDatabase:
     ----------
     runs : list of Run
         The cuts.
+    curves : dict
+        What emulators made of them, by their coordinates.
     """
 
     runs: list[Run] = field(default_factory=list)
-    _curves: dict[tuple, AlignedCurves] = field(default_factory=dict)
+    curves: dict[tuple, AlignedCurves] = field(default_factory=dict, repr=False)
 
     def add(self, case: Case, course: np.ndarray, onset_mm: float = math.nan) -> None:
         """Take up a run, where its case has units and ``course`` (3, n) more than one point."""
@@ -72,7 +74,7 @@ class RunDatabase:
     def emulator(self, cases: Sequence[Case], free: Collection[str]) -> CutEmulator | None:
         """Make an emulator of cuts like given ones, with any values of some parameters."""
         try:
-            return CutEmulator(self.runs, cases, free, self._curves)
+            return CutEmulator(self.runs, cases, free, self.curves)
         except ValueError:
             return None
 
@@ -168,7 +170,7 @@ class CutEmulator(Emulator):
         may_differ = may_differ & {*groups.powers} - other_words
         known: list[tuple[Run, dict[str, float], Mapping[str, float]]] = []
         for run in runs:
-            own = _values_as_model(run.case, first)
+            own = values_as_model(run.case, first)
             if own is None or run.x[-1] / groups.length(own) < min(ends) * (1 - 1e-9):
                 continue
             seen, values = self._reduced(own), self._with_equal_laws_replaced(own)
@@ -255,11 +257,15 @@ class CutEmulator(Emulator):
         reduced = [self._reduced(values) for values in each]
         columns = [c.of_values(np.array([r[c.name] for r in reduced])) for c in self.coordinates]
         found = np.stack(columns, axis=1) if columns else np.zeros((len(each), 0))
+        return self._within_range(found, [c.name for c in self.coordinates])
+
+    def _within_range(self, found: np.ndarray, names: Sequence[str]) -> np.ndarray:
+        """Places (p, d) as they are. Raises OutOfRange for one beyond the known runs."""
         low, high = self.curves.X.min(axis=0), self.curves.X.max(axis=0)
         far = np.maximum(low - found, found - high) > EXTRAPOLATION * (high - low)
         if far.any():
-            names = [c.name for c, is_far in zip(self.coordinates, far.any(axis=0), strict=True) if is_far]
-            raise OutOfRange(f"no cut near enough is known: {', '.join(names)}")
+            beyond = [name for name, is_far in zip(names, far.any(axis=0), strict=True) if is_far]
+            raise OutOfRange(f"no cut near enough is known: {', '.join(beyond)}")
         return found
 
 
@@ -281,7 +287,7 @@ def _is_nested_in(mechanisms: tuple[str, ...], wanted: tuple[str, ...]) -> bool:
     return {*grown.mechanisms} == {*other.mechanisms}
 
 
-def _values_as_model(run: Case, wanted: Case) -> dict[str, float] | None:
+def values_as_model(run: Case, wanted: Case) -> dict[str, float] | None:
     """The values of a run as one of the model of ``wanted``, nan where they have no effect; None if it is
     none, or was computed otherwise."""
     fixed = ("dim", "numerics", "outline", "motion")
