@@ -32,7 +32,7 @@ from cutbench.data.measures import MeasuredCut
 
 #: Places of the box that are looked at with the emulator, and the best of them, from which a maximum is
 #: looked for.
-PLACES, STARTS = 64, 3
+PLACES, STARTS = 128, 6
 #: So often at most cuts are computed at the best place where a place is near already.
 MAX_ROUNDS_NEARBY = 3
 #: As many rounds as most fits take, for the time that is left.
@@ -116,26 +116,32 @@ def successive_estimates(
     best: Estimated | None = None
     if start is None:
         q, low, high = _search_box(posterior, q)
-        progress.text = "computing the cuts where the search begins"
-        _compute_cuts(posterior, cuts, [q] * len(cuts))
-        best = _evaluated_at(posterior, q)
-        yield best
-        progress.text = f"computing {count} cuts that fill the box; where it begins, {worst_misfit(best)}"
-        _compute_initial_design(posterior, cuts, low, high, count)
-        best = _evaluated_at(posterior, q)
-        found, reach = _best_maximum(posterior, best_places(posterior, q, low, high)), (high - low) / 4
+        if not is_within_emulator(posterior, q):
+            progress.text = "computing the cuts where the search begins"
+            _compute_cuts(posterior, cuts, [q] * len(cuts))
+            best = _evaluated_at(posterior, q)
+            yield best
+            progress.text = f"computing {count} cuts that fill the box; where it begins, {worst_misfit(best)}"
+            _compute_initial_design(posterior, cuts, low, high, count)
+            best = _evaluated_at(posterior, q)
+        found, reach = best_maximum(posterior, best_places(posterior, q, low, high)), (high - low) / 4
     else:
         found, reach = estimate_by_emulator(posterior, q), _search_radius(posterior, q)
     # A fit leaves room for the finer cuts that end it, and for those at the place that these lead to.
     settled, last = False, SETTINGS.budget(SETTINGS.search_runs, len(cuts))
     if start is None:
         last = SETTINGS.budget(SETTINGS.fit_runs, len(cuts)) - 3 * len(cuts)
+    rng = np.random.default_rng(0)
     for number in range(rounds or (SETTINGS.rounds if start is None else MAX_ROUNDS_NEARBY)):
         if best is not None and runs.count + len(cuts) > last:
             break
         still_to_come = max(USUAL_ROUNDS - number, 1) + 4 * refine  # a finer cut takes as long as some others
         progress.text, progress.left = worst_misfit(best or found), len(cuts) * still_to_come
-        _compute_cuts(posterior, cuts, [found.q] * len(cuts))
+        promised = _evaluated_at(found.posterior, found.q, sure=True).log_posterior
+        places = [found.q] * len(cuts)
+        if start is None:  # what may be as likely, for all that is known: one place a test
+            places += _drawn(found, len(cuts), rng)
+        _compute_cuts(posterior, [*cuts, *cuts][: len(places)], places)
         there = _evaluated_at(posterior, found.q)
         worse = best is not None and there.log_posterior <= best.log_posterior
         if best is None or not worse:
@@ -147,7 +153,10 @@ def successive_estimates(
         found = about.maximum(best.q, reach)
         still = np.all(np.abs(found.q - best.q) < STATIONARY * np.sqrt(np.diag(best.covariance)))
         gained = found.log_posterior - _evaluated_at(about, best.q).log_posterior
-        if settled := bool(still) or gained < SETTINGS.gained:
+        kept = there.log_posterior > promised - SETTINGS.undecided
+        if start is None and (other := _elsewhere(posterior, best, low, high)) is not None:
+            found, kept = other, False
+        if settled := kept and (bool(still) or gained < SETTINGS.gained):
             break
     assert best is not None, "there is a round at least"
     if refine:
@@ -155,6 +164,23 @@ def successive_estimates(
         best = _with_mesh_error(posterior, cuts, best)
     runs.on_run = lambda: None  # what others compute is not of this search
     yield replace(best, settled=settled)
+
+
+def _elsewhere(posterior: Posterior, best: Estimated, low: np.ndarray, high: np.ndarray) -> Estimated | None:
+    """Another place of the box that is likelier than the best by the emulator; None where it has none."""
+    found = best_maximum(posterior, best_places(posterior, best.q, low, high))
+    near = np.all(np.abs(found.q - best.q) < 2 * np.sqrt(np.diag(best.covariance)))
+    worth = _evaluated_at(posterior, found.q, sure=True).log_posterior
+    return None if near or worth < best.log_posterior + SETTINGS.undecided else found
+
+
+def _drawn(found: Estimated, count: int, rng: np.random.Generator) -> list[np.ndarray]:
+    """Places (k,) that may be the best for all that is known (Thompson 1933, 10.2307/2332286), no farther
+    than a person's guess may be off."""
+    low, high = found.posterior.bounds
+    root = np.linalg.cholesky(found.covariance)
+    steps = np.clip(rng.standard_normal((count, found.q.size)) @ root.T, -SETTINGS.reach, SETTINGS.reach)
+    return [np.clip(found.q + step, low, high) for step in steps]
 
 
 def _without_runs(
@@ -185,9 +211,9 @@ def _surrogate_about(best: Estimated) -> Posterior:
     return replace(smooth, mesh=mesh, local_mesh_error=True)
 
 
-def _evaluated_at(posterior: Posterior, q: np.ndarray) -> Estimated:
-    """The posterior at a place (k,)."""
-    at = posterior.evaluate(q)
+def _evaluated_at(posterior: Posterior, q: np.ndarray, sure: bool = False) -> Estimated:
+    """The posterior at a place (k,), as if the emulator were ``sure`` or with its error."""
+    at = posterior.evaluate(q, sure=sure)
     return Estimated(posterior, at, posterior.covariance(at))
 
 
@@ -241,7 +267,7 @@ def _further_starts(posterior: Posterior, q: np.ndarray) -> list[np.ndarray]:
     return [*likely, *(q + reach * (2 * row - 1) for row in rows)]
 
 
-def _best_maximum(posterior: Posterior, starts: Sequence[np.ndarray]) -> Estimated:
+def best_maximum(posterior: Posterior, starts: Sequence[np.ndarray]) -> Estimated:
     """The likeliest of the maxima that are reached. Raises ComputationFailed."""
     found, why = [], "nothing to start from"
     for q in starts:
@@ -283,7 +309,8 @@ def _search_radius(posterior: Posterior, q: np.ndarray) -> np.ndarray:
 
 def _search_box(posterior: Posterior, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Where cuts are worth computing, as far as tests that have a formula say: a place, and the ends."""
-    half, low, high = np.full(q.size, SETTINGS.reach), *posterior.bounds
+    half = SETTINGS.reach * np.array([u.spread for u in posterior.parameters])
+    low, high = posterior.bounds
     exact = tuple(e for e in posterior.tests if e not in posterior.cuts)
     if exact:
         p = posterior.predictions
@@ -343,7 +370,7 @@ def best_places(posterior: Posterior, q: np.ndarray, low: np.ndarray, high: np.n
 
 def _approximate_log_posterior(posterior: Posterior, q: np.ndarray) -> float:
     try:
-        at = posterior.evaluate(q, differentiate=False)
+        at = posterior.evaluate(q, differentiate=False, sure=True)
     except ComputationFailed:
         return -math.inf
     return Estimated(posterior, at, posterior.noise(at)).log_posterior
@@ -360,7 +387,7 @@ def _with_mesh_error(posterior: Posterior, cuts: Sequence[Experiment], found: Es
         values, grid = posterior.values(e, q), p.grids[e.id]
         y, exact = p.read(e, values, plain.course), p.read(e, values, better.course)
         shift, error = mesh_error.correction(grid, y, exact), mesh_error.measured_error(grid, y, exact)
-        size = math.sqrt(np.trace(error) / np.trace(mesh_error.guessed_error(grid, y)))
+        size = mesh_error.size_of_error(grid, y, exact)
         mesh[e.id] = MeshError(shift, error, exact - y, size)
     posterior = replace(posterior, mesh=mesh)
     for _ in range(MAX_ROUNDS_NEARBY if any(e.fields for e in cuts) else 1):

@@ -520,6 +520,8 @@ class Fitting:
         if self.status not in (CONVERGED, STOPPED):
             moved = self.best is not None and bool(np.any(np.abs(self.best.q) > UNMOVED))
             reached = "the best that is known" if moved else "the start's, nothing is fitted"
+            if moved and self.posterior.tests_with_runs and not self.runs.count:
+                reached = "what the atlas has as likeliest"
             return f"{self.status} before a maximum, cuts computed: {self.runs.count}; values are {reached}"
         worst = max(compared, key=lambda c: c.misfit, default=None)
         if worst is None or worst.misfit <= FAR:

@@ -31,8 +31,8 @@ MAX_PREDICTION_RATIO = 1e4
 #: A parameter is at a bound that is nearer than this.
 AT_BOUND = 1e-6
 #: So many steps at most are made with one covariance, and so often at most it is found anew, until no
-#: parameter moves by more than this part of its own standard deviation; or, by the atlas, the log posterior
-#: grows by less.
+#: parameter moves by more than this part of its own standard deviation; or, of cuts, the log posterior grows
+#: by less twice.
 MAX_STEPS, MAX_FIXED_POINT_ITERATIONS, STATIONARY = 12, 8, 0.1
 
 
@@ -209,7 +209,7 @@ class Posterior:
             return self.mesh[e.id]
         if self.predictions.needs_runs(e):
             size = self.mesh[e.id].size if e.id in self.mesh else 1.0
-            guess = size**2 * guessed_error(self.predictions.grids[e.id], y)
+            guess = guessed_error(self.predictions.grids[e.id], y, size)
             return MeshError(np.zeros(y.size), guess, np.zeros(y.size))
         return MeshError(np.zeros(y.size), np.zeros((y.size, y.size)), np.zeros(y.size))
 
@@ -264,7 +264,8 @@ class Posterior:
         size = (
             sum(y.size for y in at.y.values()) + sum(f.residual.size for f in self.fields.values()) + q.size
         )
-        last = Estimated(self, at, self.covariance(at))
+        best = last = Estimated(self, at, self.covariance(at))
+        in_vain = 0
         for _ in range(MAX_FIXED_POINT_ITERATIONS):
             w, before = last.w, last.q
 
@@ -280,13 +281,14 @@ class Posterior:
             )  # fmt: skip
             at = self.evaluate(_strictly_within(found.x, low, high))
             precision = np.linalg.norm(self.whitened(at, w)[1], axis=0)
-            better = Estimated(self, at, self.covariance(at))
-            # The atlas has kinks, about which a search may go on for ever.
-            still = self.predictions.by_atlas and better.log_posterior < last.log_posterior + STATIONARY
-            if still or np.all(np.abs(at.q - before) * precision <= STATIONARY):
-                return max(better, last, key=lambda each: each.log_posterior) if still else better
-            last = better
-        return replace(last, settled=False)
+            last = Estimated(self, at, self.covariance(at))
+            gained = last.log_posterior - best.log_posterior
+            best = last if gained > 0 else best
+            # An emulator has kinks, about which a search may go on for ever.
+            in_vain = in_vain + 1 if gained < STATIONARY else 0
+            if (self.cuts and in_vain > 1) or np.all(np.abs(at.q - before) * precision <= STATIONARY):
+                return best
+        return replace(best, settled=False)
 
 
 def _strictly_within(q: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
@@ -324,7 +326,7 @@ class Estimated:
     @cached_property
     def log_likelihood(self) -> float:
         """With the likeliest discrepancy of each test, but for a constant."""
-        noise = self.posterior.noise(self.at)
+        noise = self.w.noise
         fields = (f.block.white(f.residual + f.J @ (self.q - f.q)) for f in self.posterior.fields.values())
         volume = sum(block.volume for block in noise.tests.values())
         return 0.5 * (
