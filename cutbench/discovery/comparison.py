@@ -18,7 +18,7 @@ import numpy as np
 
 from cutbench.base.errors import BadInput, ComputationFailed
 from cutbench.base.progress import OnProgress, silent
-from cutbench.calibration.estimation import best_places, estimate, estimate_by_emulator
+from cutbench.calibration.estimation import best_maximum, best_places, estimate, estimate_by_emulator
 from cutbench.calibration.parameters import FreeParameter
 from cutbench.calibration.posterior import Estimated, Posterior
 from cutbench.calibration.settings import SETTINGS
@@ -207,12 +207,14 @@ def comparisons(
         on_progress(math.nan, math.nan, f"looking for a cause{beside}")
         step = comparison_round(null, seed, on_progress)
         try:
-            if step.whole and step.compared and (better := _refit_null_model(step)) is not None:
+            likely = (step.group or step.compared)[:1] if step.whole else ()
+            places = [c.fitted.q[: null.q.size] for c in likely]
+            if (better := _refit_null_model(step.null, places)) is not None:
                 # Some of the gain was that of other values: the cause is asked beside these.
-                null, baseline = better, better if null is baseline else baseline
-                step = comparison_round(null, seed, on_progress)
+                step = comparison_round(better, seed, on_progress)
         except KeyboardInterrupt:
             step = replace(step, whole=False)
+        null, baseline = step.null, step.null if null is baseline else baseline
         steps.append(step)
         yield Comparison(tuple(steps), tuple(found), null)
         if not step.whole:
@@ -227,21 +229,28 @@ def comparisons(
     yield Comparison(tuple(steps), tuple(found), null)
 
 
-def _refit_null_model(step: ComparisonRound) -> Estimated | None:
-    """The model without a cause, at the other parameters' values beside the cause that would be named, or
-    has the most evidence; None where it is no likelier there."""
-    null = step.null
-    q = (step.group or step.compared)[0].fitted.q[: null.q.size]
-    try:
-        found = null.posterior.maximum(q)
-        if found.log_posterior < null.log_posterior + SETTINGS.gained:
-            return None
-        better = _estimated_nearby(null.posterior, found.q)
-    except _FAILURES:
-        return None
-    if better is None or better.log_posterior < null.log_posterior + SETTINGS.gained:
-        return None
-    return better
+def _by_emulator_alone(null: Estimated, compared: Sequence[ComparedModel]) -> Estimated:
+    """The model without a cause as the emulator has it, also where others have its parameters."""
+    smooth = replace(null.posterior, predictions=null.posterior.predictions.smooth)
+    likely = sorted(compared, key=lambda c: -c.evidence)[: SETTINGS.computed]
+    return best_maximum(smooth, [null.q, *(c.fitted.q[: null.q.size] for c in likely)])
+
+
+def _refit_null_model(null: Estimated, places: Sequence[np.ndarray]) -> Estimated | None:
+    """The model without a cause, from other places (k,); None where it is no likelier there."""
+    for q in places:
+        try:
+            found = null.posterior.maximum(q)
+            sure = null.posterior.evaluate(found.q, sure=True)
+            promised = Estimated(null.posterior, sure, null.posterior.covariance(sure))
+            if promised.log_posterior < null.log_posterior + SETTINGS.gained:
+                continue
+            better = _estimated_nearby(null.posterior, found.q, rounds=1)
+        except _FAILURES:
+            continue
+        if better is not None and better.log_posterior > null.log_posterior + SETTINGS.gained:
+            return better
+    return None
 
 
 def _worth_adding(step: ComparisonRound, best: ComparedModel, whole: float) -> bool:
@@ -292,6 +301,16 @@ def comparison_round(null: Estimated, seed: int, on_progress: OnProgress = silen
             done, family = {c.name for c in compared}, family_of(best.name)
             compare([s for s in scores.scores if family_of(s.name) == family and s.name not in done])
         if runs:
+            plain = _by_emulator_alone(null, compared)
+            if (better := _refit_null_model(null, [plain.q])) is not None:
+                null, sensed = better, sensitivities(better, chosen)
+                scores = score(sensed, null.w.noise, null.at.residual, seed=seed)
+                plain = _by_emulator_alone(null, compared)
+            # What the emulator says of models it says of all of them, with its error in each.
+            compared = [
+                _compared_with_null(plain, c.candidate, c.fitted, scores)
+                for c in compared if c.name in scores.scale
+            ]  # fmt: skip
             compared = _with_computed_cuts(null, compared, scores, on_progress)
     except KeyboardInterrupt:
         whole, compared = False, [replace(c, computed=not runs) for c in compared]
@@ -318,28 +337,37 @@ def _chosen_for_fit(scores: Scores, null: Estimated) -> list[Score]:
 def _with_computed_cuts(
     null: Estimated, compared: list[ComparedModel], scores: Scores, on_progress: OnProgress
 ) -> list[ComparedModel]:
-    """The best of them with cuts computed at their best places: while one that was not may be the best."""
-    open_, done = [c for c in compared if _attainable_evidence(c) > 0], list[ComparedModel]()
-    last = SETTINGS.budget(SETTINGS.search_runs, len(null.posterior.tests_with_runs))
-    for c in sorted(open_, key=_attainable_evidence, reverse=True)[: SETTINGS.computed]:
-        if null.posterior.predictions.runs.count >= last:
+    """The same with cuts computed at their best places: again and again of the one that may be the best,
+    until none may be that was not computed."""
+    found, rounds = (
+        {c.name: replace(c, computed=False) for c in compared},
+        dict.fromkeys((c.name for c in compared), 0),
+    )
+    runs, cuts = null.posterior.predictions.runs, len(null.posterior.tests_with_runs)
+    while runs.count + cuts <= SETTINGS.budget(SETTINGS.search_runs, cuts):
+        best = max((c.evidence for c in found.values() if c.computed), default=-math.inf)
+        open_ = [
+            c for c in found.values()
+            if rounds[c.name] < SETTINGS.computed and not (c.computed and c.fitted.settled)
+            and _attainable_evidence(c) > max(best - SETTINGS.undecided, 0.0)
+        ]  # fmt: skip
+        if not open_:
             break
-        if max((d.evidence for d in done), default=-math.inf) > _attainable_evidence(c) + SETTINGS.undecided:
-            break
+        c = max(open_, key=_attainable_evidence)
         on_progress(math.nan, math.nan, f"computing cuts of the model with {c.name}")
-        fitted = _estimated_nearby(c.fitted.posterior, c.fitted.q, on_progress)
-        done.append(c if fitted is None else _compared_with_null(null, c.candidate, fitted, scores))
-    rest = [replace(c, computed=False) for c in compared if c.name not in {d.name for d in done}]
-    return sorted([*done, *rest], key=lambda c: (-c.evidence, c.name))
+        rounds[c.name] += 1
+        fitted = _estimated_nearby(c.fitted.posterior, c.fitted.q, on_progress, 1)
+        if fitted is None:
+            rounds[c.name] = SETTINGS.computed
+            continue
+        again = _compared_with_null(null, c.candidate, fitted, scores)
+        found[c.name] = again if not c.computed or again.evidence > c.evidence else c
+    return [*found.values()]
 
 
 def _attainable_evidence(c: ComparedModel) -> float:
-    """The evidence that there would be if cuts, once computed, were where the data want them as far as the
-    emulator's error allows: its error is no noise, and takes up none of the probability."""
-    post, at = c.fitted.posterior, c.fitted.at
-    mesh = {e.id: post.mesh_error(e, at.y[e.id]).covariance for e in post.tests}
-    with_, without = post.noise(at), post.noise(replace(at, error=mesh))
-    return c.evidence + 0.5 * sum(w.volume - without.tests[id].volume for id, w in with_.tests.items())
+    """The evidence that there may be once cuts are computed, as far as the emulator's error allows."""
+    return c.evidence if c.computed else c.evidence + 2 * c.evidence_sd
 
 
 def _simplest_of_each_class(
@@ -400,29 +428,28 @@ def squared_discrepancy(fitted: Estimated) -> float:
 
 def _fitted(null: Estimated, s: Score, scores: Scores) -> Estimated | None:
     """The model with a candidate, from the steps that its scores propose; None where it has no answer."""
-    best: Estimated | None = None
-    tried = [s, *scores.others.get(s.name, [])[: MAX_SHAPES_TRIED - 1], _with_typical_strengths(s)]
-    for each in tried[-1:] if s.sensitivity.by_runs else tried:
-        found = _fitted_from_score(null, each)
-        if found is not None and (best is None or found.log_posterior > best.log_posterior):
-            best = found
-    if null.posterior.cuts:
-        found = _fitted_within_box(null, tried[-1])
-        if found is not None and (best is None or found.log_posterior > best.log_posterior):
-            best = found
-    return best
+    typical, cuts = _with_typical_strengths(s), bool(null.posterior.cuts)
+    # Derivatives at off say little of cuts, and what is likeliest elsewhere in the box they do not know.
+    tried = [typical] if s.sensitivity.by_runs else [s, typical] if cuts else [
+        s, *scores.others.get(s.name, [])[: MAX_SHAPES_TRIED - 1], typical
+    ]  # fmt: skip
+    tries = [*(_fitted_from_score(null, each) for each in tried), _fitted_within_box(null, typical)]
+    found = [each for each in tries if each is not None]
+    return max(found, key=lambda each: each.log_posterior, default=None)
 
 
 def _fitted_within_box(null: Estimated, s: Score) -> Estimated | None:
-    """The model with a candidate wherever it is likeliest within the box that the baseline's cuts fill: what
-    a cause does to cuts other parameters may have taken up, far from where they are without it."""
+    """The model with a candidate wherever it is likeliest within the box of a search of cuts: what a cause
+    does to these other parameters may have taken up, far from where they are without it."""
+    if not null.posterior.cuts:
+        return None
     try:
         posterior, q = _extended_posterior(null, s)
         half = np.full(q.size, SETTINGS.reach)
         half[null.q.size :] = np.maximum(np.abs(q - posterior.prior_means)[null.q.size :], 1e-3)
         middle = np.append(np.zeros(null.q.size), posterior.prior_means[null.q.size :])
         low, high = (np.clip(middle + side * half, *posterior.bounds) for side in (-1, 1))
-        return posterior.maximum(best_places(posterior, q, low, high)[0])
+        return best_maximum(posterior, best_places(posterior, q, low, high)[: SETTINGS.computed])
     except _FAILURES:
         return None
 
@@ -430,8 +457,8 @@ def _fitted_within_box(null: Estimated, s: Score) -> Estimated | None:
 def _fitted_from_score(null: Estimated, s: Score) -> Estimated | None:
     """The model with a candidate from a score's step, and from parts of it where a law may lock before."""
     best: Estimated | None = None
-    by_atlas = null.posterior.predictions.by_atlas
-    quick = not (by_atlas or s.sensitivity.by_runs or s.sensitivity.candidate.shapes)
+    # A formula may lock before; a cut may not, and costs more.
+    quick = bool(null.posterior.cuts) or not s.sensitivity.candidate.shapes
     for part in STEP_FRACTIONS:
         try:
             posterior, q = _extended_posterior(null, replace(s, strengths=part * s.strengths))
@@ -460,11 +487,11 @@ def _with_typical_strengths(s: Score) -> Score:
 
 
 def _estimated_nearby(
-    posterior: Posterior, q: np.ndarray, on_progress: OnProgress = silent
+    posterior: Posterior, q: np.ndarray, on_progress: OnProgress = silent, rounds: int | None = None
 ) -> Estimated | None:
     """The fit from a place that is near already; None where it has no answer."""
     try:
-        return estimate(posterior, q, refine=False, on_progress=on_progress)
+        return estimate(posterior, q, refine=False, rounds=rounds, on_progress=on_progress)
     except _FAILURES:
         return None
 
