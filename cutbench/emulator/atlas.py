@@ -210,6 +210,29 @@ class Measures:
         mean, sd = self.drop.T
         return (mean - math.sqrt(drop)) / sd
 
+    def chances(self, depths: np.ndarray) -> dict[str, np.ndarray]:
+        """Probabilities (p,) of the regimes of cuts to depths (p,), in sum 1."""
+        uncut = self.uncut(depths)
+        abrupt = (1 - uncut) * ndtr(self.falls(ABRUPT_DROP))
+        return {ABRUPT: abrupt, SMOOTH: 1 - uncut - abrupt, UNCUT: uncut}
+
+    def intervals(self, ends: np.ndarray, half: Any, force: Any, precut: Any) -> dict[str, np.ndarray]:
+        """What ``MEASURES`` names, each as value, low and high end (3, p), nan where a cut has none of it.
+        With the ends (p,) of the runs; numbers or (p,): units of length and force, slits before the cut."""
+        onset = self.onset[:, 0]
+        cut, long = np.exp(onset) < ends, ends - np.exp(onset) > (SETTLED + 1) * DROP_WINDOW
+        falls = (self.drop[:, 0] ** 2 > PROMINENCE) & (np.asarray(precut) == 0)
+        found = {}
+        for name, unit, there in (
+            ("onset_mm", half, cut), ("peak_N", force, cut & falls), ("drop", 1.0, cut),
+            ("steady_N", force, cut & long),
+        ):  # fmt: skip
+            mean, sd = getattr(self, name.partition("_")[0]).T
+            normal = mean + NORMAL_QUANTILE * np.array([[0], [-1], [1]]) * sd
+            value = np.clip(normal, 0, 1) ** 2 if name == "drop" else np.exp(normal) * unit
+            found[name] = np.where(there, value, np.nan)
+        return found
+
 
 class Atlas:
     """An atlas holds runs over ranges of dimensionless groups, and says what lies between them. With
@@ -359,20 +382,15 @@ class Atlas:
         half, force = units.length(case.values), units.force(case.values)
         depth = depth_of(case)
         m, place = self.measures(groups, np.array([depth])), self._coordinates(groups)
-        (uncut,), (abrupt,) = chances(m, np.array([depth]))
-        cut = uncut < 0.5
-        end = float(np.exp(m.onset[0, 0])) + (KNOWN if case.until == UNTIL else math.inf) * DROP_WINDOW
-        x = np.linspace(0, min(depth, end), 161)
+        onset = float(np.exp(m.onset[0, 0]))
+        end = min(depth, onset + (KNOWN if case.until == UNTIL else math.inf) * DROP_WINDOW)
+        x = np.linspace(0, end, 161)
         low, middle, high = force * self.band(groups, m, x)
-        whole = cut and end > depth and depth - math.exp(m.onset[0, 0]) > (SETTLED + 1) * DROP_WINDOW
-        onset, peak, drop, steady = (getattr(m, n)[0] for n in ("onset", "peak", "drop", "steady"))
+        found = m.intervals(np.array([end]), half, force, case.values["precut"]).items()
         return Estimate(
-            case, x * half, middle, low, high,
-            _interval(onset, half, cut),
-            _interval(peak, force, cut and drop[0] ** 2 > PROMINENCE and not case.values["precut"]),
-            _interval(drop, 1.0, cut, root=True), _interval(steady, force, whole),
-            {ABRUPT: float(abrupt), SMOOTH: float(1 - uncut - abrupt), UNCUT: float(uncut)},
-            self._shares(place, x, float(np.exp(onset[0]))), self._nearest(place),
+            case, x * half, middle, low, high, **{n: Interval(*each[:, 0].tolist()) for n, each in found},
+            chances={n: float(each[0]) for n, each in m.chances(np.array([depth])).items()},
+            work=self._shares(place, x, onset), nearest=self._nearest(place),
         )  # fmt: skip
 
     def drawn(self, groups: np.ndarray, m: Measures, x: np.ndarray) -> np.ndarray:
@@ -443,12 +461,6 @@ class Atlas:
 def depth_of(case: Case) -> float:
     """How deep a case cuts, in halves of the blade's thickness, as far as the atlas goes."""
     return min(case.values["depth"] / (case.values["thickness"] / 2), MAX_DEPTH)
-
-
-def chances(m: Measures, depths: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Probabilities (p,) that nothing is cut within depths (p,), and that the cut is abrupt."""
-    uncut = m.uncut(depths)
-    return uncut, (1 - uncut) * ndtr(m.falls(ABRUPT_DROP))
 
 
 def named(row: np.ndarray) -> dict[str, float]:
@@ -573,13 +585,3 @@ def _falling(onset: np.ndarray, rising: np.ndarray, later: np.ndarray, root_drop
         part = part * np.divide(wanted, falls, out=np.ones_like(falls), where=falls > 0)
         found = np.maximum(highest + part * (later - highest), 0.0)
     return found
-
-
-def _interval(normal: np.ndarray, unit: float, there: bool, root: bool = False) -> Interval:
-    """Of the mean and the standard deviation of a logarithm, or of a ``root``."""
-    if not there:
-        return Interval(math.nan, math.nan, math.nan)
-    mean, sd = normal
-    low, middle, high = mean - NORMAL_QUANTILE * sd, mean, mean + NORMAL_QUANTILE * sd
-    back = (lambda v: min(max(v, 0.0) ** 2, 1.0)) if root else math.exp
-    return Interval(*(unit * back(v) for v in (middle, low, high)))

@@ -15,18 +15,8 @@ from cutbench.case.case import Case, case_of, warn_of_doubts
 from cutbench.case.model import Model, apply_groups
 from cutbench.case.numerics import KEYS
 from cutbench.case.values import settable
-from cutbench.emulator.atlas import (
-    DROP_WINDOW,
-    MAX_DEPTH,
-    NORMAL_QUANTILE,
-    Estimate,
-    chances,
-    row_of,
-    shipped,
-    space_of,
-)
+from cutbench.emulator.atlas import MAX_DEPTH, Estimate, row_of, shipped, space_of
 from cutbench.emulator.groups import Groups
-from cutbench.run.measures import ABRUPT, PROMINENCE, SETTLED, SMOOTH, UNCUT
 
 #: Changes that may be sequences, and are no points.
 NO_NUMBERS = (
@@ -169,22 +159,16 @@ def _numbers(case: Case, values: Mapping[str, Any], at_mm: Iterable[float] | Non
     rows = np.stack(np.broadcast_arrays(*row_of(space, nearest)), axis=1)
     end = np.minimum(depth / half, MAX_DEPTH)
     m = atlas.measures(rows, end)
-    uncut, abrupt = chances(m, end)
-    cut, falls = uncut < 0.5, (m.drop[:, 0] ** 2 > PROMINENCE) & (np.asarray(values["precut"]) == 0)
-    long = end - np.exp(m.onset[:, 0]) > (SETTLED + 1) * DROP_WINDOW
-    table: dict[str, Any] = {}
-    for name, unit, size, there in (
-        ("onset", "_mm", half, cut), ("peak", "_N", force, cut & falls),
-        ("steady", "_N", force, cut & long), ("drop", "", 1.0, cut),
-    ):  # fmt: skip
-        mean, sd = getattr(m, name).T
-        for part, z in (("", 0.0), ("_low", -NORMAL_QUANTILE), ("_high", NORMAL_QUANTILE)):
-            normal = mean + z * sd
-            found = np.clip(normal, 0, 1) ** 2 if name == "drop" else np.exp(normal) * size
-            table[f"{name}{part}{unit}"] = "point", np.where(inside & there, found, np.nan)
-    odds = {ABRUPT: abrupt, SMOOTH: 1 - uncut - abrupt, UNCUT: uncut}
+    columns: dict[str, np.ndarray] = {}
+    for name, each in m.intervals(end, half, force, values["precut"]).items():
+        measure, mark, unit = name.partition("_")
+        columns |= {f"{measure}{part}{mark}{unit}": column
+                    for part, column in zip(("", "_low", "_high"), each, strict=True)}  # fmt: skip
+    odds = m.chances(end)
     verdict = np.array([*odds])[np.argmax([*odds.values()], axis=0)]
-    table |= {name: ("point", np.where(inside, part, np.nan)) for name, part in odds.items()}
+    table: dict[str, Any] = {
+        n: ("point", np.where(inside, column, np.nan)) for n, column in (columns | odds).items()
+    }
     table |= {"verdict": ("point", np.where(inside, verdict, "")), "outside": ("point", outside)}
     if at_mm is not None:
         forces = force[:, None] * atlas.forces(rows, m, np.asarray(at_mm, dtype=float) / half[:, None])
