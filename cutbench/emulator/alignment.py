@@ -8,11 +8,13 @@ beyond. Where it begins, what is before and what is beyond are a process each.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import block_diag
 from scipy.special import log_ndtr
 
 from cutbench.emulator.gaussian_process import GaussianProcess, Kernel
@@ -84,9 +86,8 @@ class AlignedCurves:
     @property
     def kernels(self) -> tuple[Kernel | None, Kernel | None, Kernel | None]:
         """Of the onset, of what is before it and of what is beyond."""
-        parts = self._before, self._after
-        curves = [None if part is None else part.blocks[0][1].kernel for part in parts]
-        return None if self._onset is None else self._onset.kernel, curves[0], curves[1]
+        after = None if self._after is None else self._after.kernel
+        return None if self._onset is None else self._onset.kernel, self._before.kernel, after
 
     def draws(
         self, places: np.ndarray, normal: Callable[[int, int], np.ndarray]
@@ -100,23 +101,25 @@ class AlignedCurves:
         changes = self._after.draws(places, lambda part, r: normal(GROUPS_BY_REACH + part, r))
         return onset, rising, self._beyond(rising, changes)
 
-    def parts(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    def parts(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The likeliest of ``draws``: ``onset`` (p,), ``before`` (p, k) and ``after`` (p, m)."""
         at = self.onset(places)
         rising = self._rising(self._before.mean(places), at)
-        if self._after is None:
-            return at, rising, None
-        return at, rising, self._beyond(rising, self._after.mean(places))
+        changes = (
+            np.zeros((len(at), self.beyond.size - 1)) if self._after is None else self._after.mean(places)
+        )
+        return at, rising, self._beyond(rising, changes)
 
     def mean(self, places: np.ndarray) -> np.ndarray:
         """Forces (p, k) that are smooth in the places (p, d)."""
-        at, rising, after = self.parts(places)
-        found = np.stack([np.interp(self.x, self.part * o, f) for o, f in zip(at, rising, strict=True)])
-        if after is not None:
-            for i, o in enumerate(at):
-                there = self.x > o
-                found[i, there] = np.interp(self.x[there] - o, self.beyond, after[i])
-        return found
+        found = []
+        for o, rising, after in zip(*self.parts(places), strict=True):
+            before, beyond = (
+                np.interp(self.x, self.part * o, rising),
+                np.interp(self.x - o, self.beyond, after),
+            )
+            found.append(np.where(self.x > o, beyond, before))
+        return np.stack(found)
 
     def onset(self, places: np.ndarray) -> np.ndarray:
         """Travels (p,) at which the cuts begin at places (p, d); the last where none begins."""
@@ -139,20 +142,17 @@ class AlignedCurves:
         """Root (k, r) of the error's covariance at a place (d,): of what a run there would give, or of the
         smooth part."""
         (o,), (force,) = self.onset(place[None]), self.mean(place[None])
-        beyond = self.x > o
-        rising = self._before.root(place, runs)
-        parts = [_interpolated_root(self.part[1:] * o, rising, np.where(beyond, np.nan, self.x))]
-        parts[0][beyond] = rising[-1]
-        slope = np.gradient(force, self.x)
+        size = np.hypot(force, self.small)
+        along = [(self.part[1:] * o, self._before.root(place, runs))]
+        if self._after is not None:
+            along.append((self.beyond + o, np.pad(self._after.root(place, runs), ((1, 0), (0, 0)))))
+        # Each goes on as it ends, and is as it begins before.
+        columns = [np.interp(self.x, way, column) for way, root in along for column in root.T]
         if self._onset is not None:
-            if beyond.any() and self._after is not None:
-                after = np.where(beyond, self.x, np.nan)
-                root = np.pad(self._after.root(place, runs), ((1, 0), (0, 0)))
-                parts.append(_interpolated_root(self.beyond + o, root, after))
             # A shift of the onset takes along what is beyond, with the force that it begins at.
-            shift = self._onset.spread(place[None], runs)[0] * (np.minimum(self.x, o) * slope - force)
-            parts.append((shift / np.hypot(force, self.small))[:, None])
-        return main_parts(np.hypot(force, self.small)[:, None] * np.hstack(parts))
+            change = np.minimum(self.x, o) * np.gradient(force, self.x) - force
+            columns.append(self._onset.spread(place[None], runs)[0] * change / size)
+        return main_parts(size[:, None] * np.stack(columns, axis=1))
 
     def _rising(self, values: np.ndarray, onset: np.ndarray) -> np.ndarray:
         """Forces (…, k) at parts of the way to onsets (…), of values of their ratio to the travel there."""
@@ -207,37 +207,31 @@ class Curves:
         last = int(np.flatnonzero(count >= min(few, count[0])).max()) + 1
         self.size = Y.shape[1]
         levels = np.unique(np.linspace(count[0], count[last - 1], GROUPS_BY_REACH).astype(int))[::-1]
+        stops = [int(np.flatnonzero(count[:last] >= level).max()) + 1 for level in levels]
         if kernel is None:  # of as many values as there are of curves that all have them
-            stops = {level: int(np.flatnonzero(count[:last] >= level).max()) + 1 for level in levels}
-            stop = stops[max(levels, key=lambda level: level * stops[level])]
+            stop = stops[np.argmax(levels * stops)]
             rows = np.isfinite(Y[:, stop - 1])
             kernel = GaussianProcess(X[rows], Y[rows, :stop]).kernel
-        self.blocks: list[tuple[slice, GaussianProcess]] = []
-        first = 0
+        self.kernel, self.blocks, self._X = kernel, list[GaussianProcess](), X
         weights, trend = np.zeros((len(X), self.size)), np.zeros((1 + X.shape[1], self.size))
-        for level in levels:
-            stop = int(np.flatnonzero(count[:last] >= level).max()) + 1
-            if stop <= first:
-                continue
+        for first, stop in itertools.pairwise([0, *dict.fromkeys(stops)]):
             rows = np.isfinite(Y[:, stop - 1])
             made = GaussianProcess(X[rows], Y[rows, first:stop], kernel=kernel)
-            self.blocks.append((slice(first, stop), made))
+            self.blocks.append(made)
             weights[rows, first:stop], trend[:, first:stop] = made.weights, made.trend_from_zero
-            first = stop
-        self._X, self._kernel = X, self.blocks[0][1].kernel
-        self._weights, self._trend = weights, trend
         # What is said beyond the last value is that one.
-        weights[:, first:], trend[:, first:] = weights[:, first - 1, None], trend[:, first - 1, None]
+        weights[:, last:], trend[:, last:] = weights[:, last - 1, None], trend[:, last - 1, None]
+        self._weights, self._trend = weights, trend
 
     def mean(self, places: np.ndarray) -> np.ndarray:
         """(p, m)."""
-        near = self._kernel.correlation(places, self._X)
+        near = self.kernel.correlation(places, self._X)
         return self._trend[0] + places @ self._trend[1:] + near @ self._weights
 
     def draws(self, places: np.ndarray, normal: Callable[[int, int], np.ndarray]) -> np.ndarray:
         """Values (p, s, m) that runs at places (p, d) may have; ``normal``: see ``AlignedCurves.draws``."""
         parts = []
-        for number, (_, made) in enumerate(self.blocks):
+        for number, made in enumerate(self.blocks):
             noise = normal(1 + number, made.curve_root.shape[1]) @ made.curve_root.T
             sd = made.spread(places, runs=True)
             parts.append(made.mean(places)[:, None, :] + sd[:, None, None] * noise)
@@ -246,23 +240,11 @@ class Curves:
 
     def root(self, place: np.ndarray, runs: bool) -> np.ndarray:
         """(m, r); blocks err each by itself."""
-        parts = [made.curve_root * made.spread(place[None], runs)[0] for _, made in self.blocks]
-        root = np.zeros((self.size, sum(part.shape[1] for part in parts)))
-        column = 0
-        for (where, _), part in zip(self.blocks, parts, strict=True):
-            root[where, column : column + part.shape[1]] = part
-            column += part.shape[1]
-        end = self.blocks[-1][0].stop
-        root[end:] = root[end - 1]
-        return root
+        parts = [made.curve_root * made.spread(place[None], runs)[0] for made in self.blocks]
+        root = block_diag(*parts)
+        return np.pad(root, ((0, self.size - len(root)), (0, 0)), mode="edge")
 
 
 def _force_at(at: np.ndarray, c: Course) -> np.ndarray:
     """The curve at travels, nan beyond its end."""
     return np.where(at <= c.x[-1] * (1 + 1e-9), np.interp(at, c.x, c.force), np.nan)
-
-
-def _interpolated_root(way: np.ndarray, root: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """``root`` (n, r), along ``way`` (n,), at the travels ``at`` (k,); 0 where these are nan."""
-    read = np.stack([np.interp(at, way, column) for column in root.T], axis=1)
-    return np.where(np.isnan(at)[:, None], 0.0, read)
