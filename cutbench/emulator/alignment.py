@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,17 +18,7 @@ from scipy.linalg import block_diag
 from scipy.special import log_ndtr
 
 from cutbench.emulator.gaussian_process import GaussianProcess, Kernel
-
-#: A part of the usual largest force: a force below counts as it is, one above by its logarithm.
-SMALL_FORCE = 0.05
-#: A cut that did not begin begins beyond its end by this part, at the least.
-UNCUT_MARGIN = 0.01
-#: More curves than coordinates, beside the trend, before a process says anything.
-MIN_SPARE_CURVES = 3
-#: Places that differ by less are one.
-SAME_PLACE = 1e-9
-#: Groups of curves that reach equally far beyond their onsets.
-GROUPS_BY_REACH = 6
+from cutbench.emulator.settings import SETTINGS
 
 
 @dataclass(frozen=True)
@@ -55,39 +45,39 @@ class AlignedCurves:
         courses: Sequence[Course],
         x: np.ndarray,
         beyond: np.ndarray | None = None,
-        kernels: Sequence[Kernel | None] = (None, None, None),
+        kernels: Mapping[str, Kernel | None] | None = None,
     ):
-        if len(X) < X.shape[1] + 1 + MIN_SPARE_CURVES:
+        if len(X) < X.shape[1] + 1 + SETTINGS.spare:
             raise ValueError(f"{len(X)} curves are too few for {X.shape[1]} coordinates")
-        self.x, self.X, self.courses = x, X, courses
+        self.x, self.X, self.courses, known = x, X, courses, kernels or {}
         largest = [int(np.abs(c.force).argmax()) for c in courses]
         ends = np.array([(abs(c.force[i]), c.x[i]) for i, c in zip(largest, courses, strict=True)])
         self.small, self._soft = (
-            SMALL_FORCE * np.median(ends[:, 0]),
-            SMALL_FORCE * np.median(ends[:, 0] / ends[:, 1]),
+            SETTINGS.small_force * np.median(ends[:, 0]),
+            SETTINGS.small_force * np.median(ends[:, 0] / ends[:, 1]),
         )
         begun = np.isfinite([c.onset for c in courses])
-        self._onset, at = _onsets(X, courses, begun, x[-1], kernels[0])
+        self._onset, at = _onsets(X, courses, begun, x[-1], known.get("onset"))
         #: Parts of the way to the onset, and the travel beyond it.
         self.part = np.linspace(0, 1, x.size)
         self.beyond = np.linspace(0, x[-1], x.size) if beyond is None else beyond
         # What it takes to cut matters little before: force over travel is smoother than force.
         rising = np.array([_force_at(self.part[1:] * o, c) for o, c in zip(at, courses, strict=True)])
         travel = self.part[1:] * at[:, None]
-        self._before = Curves(X, np.arcsinh(rising / travel / self._soft), kernels[1])
+        self._before = Curves(X, np.arcsinh(rising / travel / self._soft), known.get("before"))
         self._after: Curves | None = None
         if self._onset is not None:
             after = [_force_at(self.beyond + o, c) for o, c, b in zip(at, courses, begun, strict=True) if b]
             # What is beyond, by that where the cut begins: so an error of that is not taken for a drop.
             there = np.arcsinh(rising[begun, -1:] / self.small)
             changes = np.arcsinh(np.array(after)[:, 1:] / self.small) - there
-            self._after = Curves(X[begun], changes, kernels[2])
+            self._after = Curves(X[begun], changes, known.get("after"))
 
     @property
-    def kernels(self) -> tuple[Kernel | None, Kernel | None, Kernel | None]:
-        """Of the onset, of what is before it and of what is beyond."""
-        after = None if self._after is None else self._after.kernel
-        return None if self._onset is None else self._onset.kernel, self._before.kernel, after
+    def kernels(self) -> dict[str, Kernel | None]:
+        """Of the onset, of what is before it and of what is beyond; None where too few cuts begin."""
+        parts = {"onset": self._onset, "before": self._before, "after": self._after}
+        return {name: None if part is None else part.kernel for name, part in parts.items()}
 
     def draws(
         self, places: np.ndarray, normal: Callable[[int, int], np.ndarray]
@@ -98,7 +88,7 @@ class AlignedCurves:
         sd = self._onset.spread(places, runs=True)
         onset = np.exp(np.clip(self._onset.mean(places)[:, None] + sd[:, None] * normal(0, 1).T[0], -50, 50))
         rising = self._rising(self._before.draws(places, normal), onset)
-        changes = self._after.draws(places, lambda part, r: normal(GROUPS_BY_REACH + part, r))
+        changes = self._after.draws(places, lambda part, r: normal(SETTINGS.reaches + part, r))
         return onset, rising, self._beyond(rising, changes)
 
     def parts(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -135,7 +125,7 @@ class AlignedCurves:
 
     def computed(self, place: np.ndarray) -> Course | None:
         """The run at a place (d,); None where there is none."""
-        same = np.flatnonzero(np.abs(self.X - place).max(axis=1, initial=0.0) <= SAME_PLACE)
+        same = np.flatnonzero(np.abs(self.X - place).max(axis=1, initial=0.0) <= 1e-9)  # but for rounding
         return self.courses[same[0]] if same.size else None
 
     def root(self, place: np.ndarray, runs: bool = True) -> np.ndarray:
@@ -171,14 +161,15 @@ def _onsets(
     X: np.ndarray, courses: Sequence[Course], begun: np.ndarray, end: float, kernel: Kernel | None
 ) -> tuple[GaussianProcess | None, np.ndarray]:
     """The process of the onset's logarithm, None where too few cuts begin; and all onsets (n,)."""
-    if begun.sum() < X.shape[1] + 1 + MIN_SPARE_CURVES:
+    if begun.sum() < X.shape[1] + 1 + SETTINGS.spare:
         return None, np.full(len(X), end)
     values = np.log([c.onset if b else np.nan for c, b in zip(courses, begun, strict=True)])
     process = GaussianProcess(X[begun], values[begun], kernel=kernel)
     if not begun.all():
         # Of a cut that did not begin it is known that it begins later: its logarithm is as likely as before
-        # beyond its end, and has the mean and the variance of a normal variable that is cut off there.
-        last = np.log([(1 + UNCUT_MARGIN) * c.end for c in courses])[~begun]
+        # from a hundredth beyond its end on, and has the mean and the variance of a normal variable that is
+        # cut off there.
+        last = np.log([1.01 * c.end for c in courses])[~begun]
         mean, sd = process.mean(X[~begun]), process.spread(X[~begun], runs=True)
         short = (last - mean) / sd
         hazard = np.exp(-(short**2) / 2 - log_ndtr(-short)) / math.sqrt(2 * math.pi)
@@ -203,10 +194,10 @@ class Curves:
 
     def __init__(self, X: np.ndarray, Y: np.ndarray, kernel: Kernel | None = None):
         count = np.isfinite(Y).sum(axis=0)
-        few = X.shape[1] + 1 + MIN_SPARE_CURVES
+        few = X.shape[1] + 1 + SETTINGS.spare
         last = int(np.flatnonzero(count >= min(few, count[0])).max()) + 1
         self.size = Y.shape[1]
-        levels = np.unique(np.linspace(count[0], count[last - 1], GROUPS_BY_REACH).astype(int))[::-1]
+        levels = np.unique(np.linspace(count[0], count[last - 1], SETTINGS.reaches).astype(int))[::-1]
         stops = [int(np.flatnonzero(count[:last] >= level).max()) + 1 for level in levels]
         if kernel is None:  # of as many values as there are of curves that all have them
             stop = stops[np.argmax(levels * stops)]

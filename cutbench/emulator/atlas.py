@@ -20,7 +20,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from scipy.special import ndtr, ndtri
+from scipy.special import ndtr
 
 from cutbench.base.display import Displayed
 from cutbench.base.errors import BadInput
@@ -28,9 +28,10 @@ from cutbench.case.case import Case
 from cutbench.case.motion import TRANSITION as UNTIL
 from cutbench.case.values import CLAMP
 from cutbench.emulator.alignment import AlignedCurves, Course, Curves
-from cutbench.emulator.design_space import BLADES, MAX_DEPTH, OF_ALL_BLADES, SIDES, DesignSpace
+from cutbench.emulator.design_space import BLADES, COMMON, MAX_DEPTH, SIDES, DesignSpace
 from cutbench.emulator.gaussian_process import GaussianProcess, Kernel
 from cutbench.emulator.groups import Groups, is_same_value
+from cutbench.emulator.settings import SETTINGS
 from cutbench.run.measures import (
     ABRUPT,
     ABRUPT_DROP,
@@ -44,31 +45,12 @@ from cutbench.run.measures import (
     UNCUT,
 )
 
-#: Travels beyond the onset, in halves of the blade's thickness, between which curves are straight.
-TRAVELS_BEYOND_ONSET = np.array(
-    [0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.65, 0.8, 1, 1.2, 1.5, 1.8, 2.2, 2.6, 3, 3.5, 4, 4.5, 5, 6]
-)
-#: Parts of the way to the onset.
-INTERVALS_TO_ONSET = 24
 #: The blade's thickness, in halves of it: the window of a drop.
 DROP_WINDOW = 2.0
-#: Places within the travel over which a drop's forces are blurred; a curve is bent so often to have its drop.
-PLACES_OF_BLUR, BENDINGS = 20, 3
-#: η v/a below which viscosity hardly matters.
-SMALL_VISCOSITY = 0.05
-#: τ_W/G below which adhesion hardly deforms the gel.
-SMALL_ADHESION = 0.2
-#: Where the work is told apart by mechanism: parts of the way to the onset, and travels beyond.
-WORK_FRACTIONS, WORK_TRAVELS = np.array([0.2, 0.5, 0.8, 1.0]), np.array([1.0, 3.0, 6.0, 10.0, 20.0])
-#: Curves that are drawn, and the level of intervals.
-DRAWS, LEVEL = 200, 0.9
-NORMAL_QUANTILE = float(ndtri((1 + LEVEL) / 2))
-#: Number of the random draw of the steady force; curves have those before.
-OF_STEADY = 100
 #: What an estimate has intervals of, and their units.
 MEASURES = {"onset_mm": "mm", "peak_N": "N", "drop": "", "steady_N": "N"}
-#: The processes of the curves, and the measures that have one of their own.
-CURVES, MEASURES_WITH_PROCESS = ("onset", "before", "after"), ("peak", "drop", "steady", "slope")
+#: The measures that have a process of their own beside those of the curves.
+MEASURES_WITH_PROCESS = ("peak", "drop", "steady", "slope")
 
 
 class NotInAtlas(BadInput):
@@ -228,7 +210,7 @@ class Measures:
             ("steady_N", force, cut & long),
         ):  # fmt: skip
             mean, sd = getattr(self, name.partition("_")[0]).T
-            normal = mean + NORMAL_QUANTILE * np.array([[0], [-1], [1]]) * sd
+            normal = mean + SETTINGS.quantile * np.array([[0], [-1], [1]]) * sd
             value = np.clip(normal, 0, 1) ** 2 if name == "drop" else np.exp(normal) * unit
             found[name] = np.where(there, value, np.nan)
         return found
@@ -250,11 +232,9 @@ class Atlas:
     ):
         self.groups, self.courses, self.measured = groups, courses, measured
         self.cumulative_work, self.wider, self.about = cumulative_work or {}, wider or {}, about or {}
-        known = kernels or {}
-        self.X = self._coordinates(groups)
-        rise = np.linspace(0, MAX_DEPTH, INTERVALS_TO_ONSET + 1)
-        of_curves = [known.get(name) for name in CURVES]
-        self.curves = AlignedCurves(self.X, courses, rise, TRAVELS_BEYOND_ONSET, of_curves)
+        self.X, known = self._coordinates(groups), kernels or {}
+        rise = np.linspace(0, MAX_DEPTH, SETTINGS.intervals + 1)
+        self.curves = AlignedCurves(self.X, courses, rise, np.array(SETTINGS.travels), known)
         onsets, ends = (np.array([getattr(c, n) for c in courses]) for n in ("onset", "end"))
         self._own = {}
         for name in MEASURES_WITH_PROCESS:
@@ -265,8 +245,7 @@ class Atlas:
     @property
     def kernels(self) -> dict[str, Kernel | None]:
         """The kernels of all processes, by name."""
-        of_curves = dict(zip(CURVES, self.curves.kernels, strict=True))
-        return of_curves | {name: made.kernel for name, made in self._own.items()}
+        return self.curves.kernels | {name: made.kernel for name, made in self._own.items()}
 
     @classmethod
     def read(cls, file: Any, *, fitted: bool = True) -> Atlas:
@@ -302,11 +281,12 @@ class Atlas:
 
     def _coordinates(self, values: np.ndarray) -> np.ndarray:
         by_name = self._by_name(values)
-        columns = {n: SIDES[i].coordinate(by_name[n]) for i, n in enumerate(by_name) if n in OF_ALL_BLADES}
-        # How fast a blade opens the cut is a matter of its own width: η v/a is smoother than η v/δ_c.
-        columns["viscosity"] = np.arcsinh(by_name["viscosity"] * by_name["delta_c"] / SMALL_VISCOSITY)
-        # What adheres deforms the gel: τ_W/G.
-        columns["adhesion"] = np.arcsinh(by_name["adhesion"] * by_name["cohesion"] / SMALL_ADHESION)
+        columns = {side.name: side.coordinate(by_name[side.name]) for side in COMMON}
+        # How fast a blade opens the cut is a matter of its own width: η v/a is smoother than η v/δ_c, and
+        # hardly matters below a twentieth.
+        columns["viscosity"] = np.arcsinh(by_name["viscosity"] * by_name["delta_c"] / 0.05)
+        # What adheres deforms the gel: τ_W/G, hardly below a fifth.
+        columns["adhesion"] = np.arcsinh(by_name["adhesion"] * by_name["cohesion"] / 0.2)
         # Blades of all kinds are told apart by what they share, a radius of the edge and a length over which
         # they widen, and by which kind they are; a slit, which they fall into, is of a kind, too.
         ellipse, wedge = np.isfinite(by_name["tip"]), np.isfinite(by_name["angle"])
@@ -398,14 +378,15 @@ class Atlas:
         measures ``m``. With ``groups`` (1, d)."""
 
         def normal(part: int, r: int) -> np.ndarray:
-            half = np.random.default_rng(part).standard_normal((DRAWS // 2, r))
+            half = np.random.default_rng(part).standard_normal((SETTINGS.draws // 2, r))
             drawn = self._widening("curve", groups)[0] * np.concatenate([half, -half])
             return np.concatenate([np.zeros((1, r)), drawn])  # the first is the mean
 
         drawn = self.curves.draws(self._coordinates(groups), normal)
         onset, before, after = (each[0] for each in drawn)
-        levels, slopes = (getattr(m, n)[0] @ [np.ones(DRAWS + 1), normal(part, 1)[:, 0]]
-                          for part, n in ((OF_STEADY, "steady"), (OF_STEADY + 1, "slope")))  # fmt: skip
+        # Curves have the first numbers of random draws.
+        levels, slopes = (getattr(m, n)[0] @ [np.ones(len(onset)), normal(part, 1)[:, 0]]
+                          for part, n in ((100, "steady"), (101, "slope")))  # fmt: skip
         # All are bent as the mean is.
         after = after * (_falling(onset[:1], before[:1], after[:1], m.drop[:, 0]) / after[0])
         middle = np.broadcast_to(m.middle, onset.shape)
@@ -415,7 +396,7 @@ class Atlas:
         """Compute the force along the travel that has the measures ``m``, and its 90 % interval. With
         ``groups`` (1, d), ``x`` (k,); gives low, middle and high (3, k)."""
         curves = self.drawn(groups, m, x)
-        ends = np.quantile(curves[1:], [(1 - LEVEL) / 2, (1 + LEVEL) / 2], axis=0)
+        ends = np.quantile(curves[1:], [(1 - SETTINGS.level) / 2, (1 + SETTINGS.level) / 2], axis=0)
         return np.array([np.minimum(ends[0], curves[0]), curves[0], np.maximum(ends[1], curves[0])])
 
     def forces(self, groups: np.ndarray, m: Measures, x: np.ndarray) -> np.ndarray:
@@ -427,7 +408,7 @@ class Atlas:
         return joined(x, onset, before, falling, m.steady[:, 0], m.slope[:, 0], m.middle)
 
     def _nearest(self, place: np.ndarray, count: int = 3) -> tuple[tuple[float, Mapping[str, float]], ...]:
-        kernel = self.curves.kernels[0]
+        kernel = self.curves.kernels["onset"]
         assert kernel is not None
         far = kernel.distances(place, self.X)[0]
         return tuple((float(far[i]), named(self.groups[i])) for i in np.argsort(far)[:count])
@@ -438,10 +419,8 @@ class Atlas:
             return {}
         shares = np.maximum(self._work.mean(place)[0].reshape(-1, len(self.cumulative_work)), 0.0)
         shares /= shares.sum(axis=1, keepdims=True)
-        stations = np.concatenate([onset * WORK_FRACTIONS, onset + WORK_TRAVELS])
-        return {
-            n: np.interp(x, stations, share) for n, share in zip(self.cumulative_work, shares.T, strict=True)
-        }
+        at = stations(onset)
+        return {n: np.interp(x, at, share) for n, share in zip(self.cumulative_work, shares.T, strict=True)}
 
     @cached_property
     def _work(self) -> Curves:
@@ -450,12 +429,17 @@ class Atlas:
         for run, course in enumerate(self.courses):
             works = np.stack([each[run] for each in self.cumulative_work.values()], axis=1)
             onset = course.onset if math.isfinite(course.onset) else course.x[-1]
-            at = np.concatenate([onset * WORK_FRACTIONS, onset + WORK_TRAVELS])
+            at = stations(onset)
             taken = np.stack([np.interp(at, course.x, w) for w in works.T], axis=1)
             taken /= taken.sum(axis=1, keepdims=True)
             taken[at > course.x[-1] * (1 + 1e-9)] = np.nan
             rows.append(taken.ravel())
-        return Curves(self.X, np.array(rows), self.curves.kernels[1])
+        return Curves(self.X, np.array(rows), self.curves.kernels["before"])
+
+
+def stations(onset: float) -> np.ndarray:
+    """The travels at which the work is told apart by mechanism: parts of the way to the onset, and beyond."""
+    return np.append(onset * np.array([0.2, 0.5, 0.8, 1.0]), onset + np.array([1.0, 3.0, 6.0, 10.0, 20.0]))
 
 
 def depth_of(case: Case) -> float:
@@ -546,7 +530,7 @@ def _through(beyond: np.ndarray, onset: np.ndarray, rising: np.ndarray, later: n
     blade touches. With ``onset`` (p,), ``rising`` (p, n), ``later`` (p, m)."""
     onset = onset[:, None]
     part = np.clip(1 + beyond / onset, 0.0, 1.0) * (rising.shape[1] - 1)
-    knots = np.interp(beyond, TRAVELS_BEYOND_ONSET, np.arange(TRAVELS_BEYOND_ONSET.size))
+    knots = np.interp(beyond, SETTINGS.travels, np.arange(len(SETTINGS.travels)))
     return np.where(beyond <= 0, _at(rising, part), _at(later, knots))
 
 
@@ -566,15 +550,15 @@ def joined(
 def _falling(onset: np.ndarray, rising: np.ndarray, later: np.ndarray, root_drop: np.ndarray) -> np.ndarray:
     """Curves (p, m) beyond their onsets, whose falls are made larger or smaller until they fall by a drop,
     ``root_drop`` (p,), much as ``cutbench.run.measures`` has it."""
-    spacing = BLUR * DROP_WINDOW / PLACES_OF_BLUR
-    window, half = round(DROP_WINDOW / spacing), PLACES_OF_BLUR // 2
+    spacing = BLUR * DROP_WINDOW / SETTINGS.blurs
+    window, half = round(DROP_WINDOW / spacing), SETTINGS.blurs // 2
     beyond = spacing * np.arange(-window - half, round(KNOWN * window) + 1)
     counts = (beyond <= TRANSITION * DROP_WINDOW)[half:-half]
     there = np.broadcast_to(beyond, (len(onset), beyond.size))
     highest, part, found = np.maximum.accumulate(later, axis=1), np.ones((len(onset), 1)), later
-    for _ in range(BENDINGS):
+    for _ in range(SETTINGS.bendings):
         force = _through(there, onset, rising, found)
-        total = np.cumsum(force[:, 1:] + force[:, :-1], axis=1) / (2 * PLACES_OF_BLUR)
+        total = np.cumsum(force[:, 1:] + force[:, :-1], axis=1) / (2 * SETTINGS.blurs)
         total = np.pad(total, ((0, 0), (1, 0)))
         mean = total[:, 2 * half :] - total[:, : -2 * half]
         ahead = np.pad(mean, ((0, 0), (0, window)), mode="edge")

@@ -12,15 +12,11 @@ import numpy as np
 from cutbench.base.errors import BadInput
 from cutbench.case.case import Case
 from cutbench.case.model import Model
-from cutbench.emulator.alignment import MIN_SPARE_CURVES, AlignedCurves, Course
+from cutbench.emulator.alignment import AlignedCurves, Course
 from cutbench.emulator.groups import Coordinate, Groups, is_same_value
+from cutbench.emulator.settings import SETTINGS
 from cutbench.mechanisms import registry
 from cutbench.mechanisms.base import Mechanism
-
-#: Beyond the range of the known runs by more than this part of it nothing is said.
-EXTRAPOLATION = 0.25
-#: Travels at which curves are said.
-TRAVEL_POINTS = 80
 
 
 class OutOfRange(Exception):
@@ -179,13 +175,13 @@ class CutEmulator(Emulator):
         self.coordinates, columns = self._coordinates_of(
             may_differ, free - other_words - {groups.modulus, "thickness"}, asked, told, first
         )
-        if len(known) < len(self.coordinates) + 1 + MIN_SPARE_CURVES:
+        if len(known) < len(self.coordinates) + 1 + SETTINGS.spare:
             raise ValueError("too few runs")
         courses = [
             Course(run.x / groups.length(v), run.force / groups.force(v), run.onset_mm / groups.length(v))
             for run, _, v in known
         ]
-        self.x = np.linspace(0.0, max(ends), TRAVEL_POINTS + 1)
+        self.x = np.linspace(0.0, max(ends), SETTINGS.points + 1)
         made, X = {} if curves is None else curves, np.stack(columns, axis=1)
         key = tuple(c.name for c in self.coordinates), X.tobytes(), float(self.x[-1])
         if key not in made:
@@ -256,7 +252,7 @@ class CutEmulator(Emulator):
         columns = [c.of_values(np.array([r[c.name] for r in reduced])) for c in self.coordinates]
         found = np.stack(columns, axis=1) if columns else np.zeros((len(each), 0))
         low, high = self.curves.X.min(axis=0), self.curves.X.max(axis=0)
-        far = np.maximum(low - found, found - high) > EXTRAPOLATION * (high - low)
+        far = np.maximum(low - found, found - high) > SETTINGS.extrapolation * (high - low)
         if far.any():
             names = [c.name for c, is_far in zip(self.coordinates, far.any(axis=0), strict=True) if is_far]
             raise OutOfRange(f"no cut near enough is known: {', '.join(names)}")

@@ -31,8 +31,6 @@ NO_NUMBERS = (
     "name",
     "until",
 )
-#: Relative step of derivatives: the emulator is smooth, and rounding is 1e-12 of its values.
-STEP = 1e-4
 
 
 def estimate(
@@ -183,7 +181,8 @@ def _derivatives(
     known = case.model.parameters()
     require(name in known, "derivatives_by", name, f"one of {', '.join(known)}")
     q, now = known[name], values[name]
-    size = STEP * np.where(now == 0, q.typical * q.factor, np.abs(now))
+    # The emulator is smooth, and rounding is 1e-12 of its values.
+    size = 1e-4 * np.where(now == 0, q.typical * q.factor, np.abs(now))
     # Of what is off the difference is to one side.
     ends = [np.clip(now + way * size, *q.bounds) for way in (1, -1)]
     up, down = (_numbers(case, {**values, name: end}, at_mm) for end in ends)
