@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
+from scipy.ndimage import minimum_filter1d
 from scipy.special import ndtr
 
 from cutbench.base.display import Displayed
@@ -159,9 +159,9 @@ class Estimate(Displayed):
         list of (str, str)
             Name and text.
         """
-        found = [("verdict", self.sentence())]
-        for name, unit in MEASURES.items():
-            found.append((name.removesuffix(f"_{unit}"), f"{getattr(self, name):.3g} {unit}".strip()))
+        measures = [(name.removesuffix(f"_{unit}"), f"{getattr(self, name):.3g} {unit}".strip())
+                    for name, unit in MEASURES.items()]  # fmt: skip
+        found = [("verdict", self.sentence()), *measures]
         if self.verdict == UNCUT and (held := held_by_friction(self.case)):
             found.append(("friction", held))
         far, groups = self.nearest[0]
@@ -238,7 +238,11 @@ class Atlas:
         onsets, ends = (np.array([getattr(c, n) for c in courses]) for n in ("onset", "end"))
         self._own = {}
         for name in MEASURES_WITH_PROCESS:
-            values = self._normal_variable(name, measured[name], groups, onsets, ends)
+            usual, values = self._usual(name, groups, onsets, ends), measured[name]
+            with np.errstate(invalid="ignore", divide="ignore"):
+                logarithm = np.log(np.where(values > 0, values, np.nan)) - np.log(usual)
+            # What is normal of a measure: see Measures.
+            values = np.sqrt(values) if name == "drop" else values / usual if name == "slope" else logarithm
             there = np.isfinite(values)
             self._own[name] = GaussianProcess(self.X[there], values[there], kernel=known.get(name))
 
@@ -301,31 +305,22 @@ class Atlas:
     def _by_name(self, values: np.ndarray) -> dict[str, np.ndarray]:
         return dict(zip([side.name for side in SIDES], values.T, strict=True))
 
-    def _normal_variable(
-        self, name: str, value: np.ndarray, groups: np.ndarray, onset: np.ndarray, depth: np.ndarray
-    ) -> np.ndarray:
-        """What is normal of a measure."""
-        if name == "drop":
-            return np.sqrt(value)
-        usual = onset if name == "peak" else self._steady_cutting_force(groups, onset, depth)
-        if name == "slope":
-            return value / usual
-        with np.errstate(invalid="ignore", divide="ignore"):
-            return np.log(np.where(value > 0, value, np.nan)) - np.log(usual)
+    def _usual(self, name: str, groups: np.ndarray, onset: np.ndarray, depth: np.ndarray) -> np.ndarray:
+        """About what (n,) a measure is: of the peak, the force that rises with the travel to the onset; of
+        what is steady, the force that cutting at a steady pace takes (Atkins 2009, The Science and
+        Engineering of Cutting): the toughness with its viscous part, and adhesion along both faces, at the
+        middle of the travel where it is measured."""
+        if name in ("peak", "drop"):
+            return onset if name == "peak" else np.ones(len(onset))
+        g = self._by_name(groups)
+        toughness = g["cohesion"] * g["delta_c"] * (1 + g["viscosity"])
+        return toughness + g["adhesion"] * g["cohesion"] * self._middle(groups, onset, depth)
 
     def _middle(self, groups: np.ndarray, onset: np.ndarray, depth: np.ndarray) -> np.ndarray:
         """The middle (n,) of the travel over which a force counts as steady."""
         end = np.minimum(depth, self._by_name(groups)["height"] - CLAMP * DROP_WINDOW)
         start = np.maximum((1 - TAIL) * end, onset + SETTLED * DROP_WINDOW)
         return (start + np.maximum(end, start)) / 2
-
-    def _steady_cutting_force(self, groups: np.ndarray, onset: np.ndarray, depth: np.ndarray) -> np.ndarray:
-        """Force (n,) that cutting at a steady pace takes about (Atkins 2009, The Science and Engineering of
-        Cutting): the toughness with its viscous part, and adhesion along both faces, at the middle of the
-        travel where it is measured."""
-        g = self._by_name(groups)
-        toughness = g["cohesion"] * g["delta_c"] * (1 + g["viscosity"])
-        return toughness + g["adhesion"] * g["cohesion"] * self._middle(groups, onset, depth)
 
     def _widening(self, name: str, groups: np.ndarray) -> np.ndarray:
         """By what intervals (n,) are wider than the processes say, for each kind of blade."""
@@ -345,11 +340,8 @@ class Atlas:
             made = self._own[name]
             mean = made.mean(places)
             sd = self._widening(name, groups) * (made.spread(places, runs=True) if spread else 0.0)
-            if name == "slope":
-                usual = self._steady_cutting_force(groups, at, depths)
-                mean, sd = mean * usual, sd * usual
-            elif name != "drop":
-                mean = mean - self._normal_variable(name, np.ones(len(at)), groups, at, depths)
+            usual = self._usual(name, groups, at, depths)
+            mean, sd = (mean * usual, sd * usual) if name == "slope" else (mean + np.log(usual), sd)
             if name == "peak":
                 sd = np.hypot(sd, onset[:, 1])  # the force rises with the travel to the onset
             found[name] = np.stack([mean, sd], axis=1)
@@ -357,10 +349,8 @@ class Atlas:
 
     def estimate(self, case: Case) -> Estimate:
         """Estimate what a run of a case would give. Raises NotInAtlas."""
-        groups, units = np.array([values_of(case)]), Groups.of(case)
-        assert units is not None, "of the atlas' model"
-        half, force = units.length(case.values), units.force(case.values)
-        depth = depth_of(case)
+        groups, (_, units) = np.array([values_of(case)]), space_of(case)
+        half, force, depth = units.length(case.values), units.force(case.values), depth_of(case)
         m, place = self.measures(groups, np.array([depth])), self._coordinates(groups)
         onset = float(np.exp(m.onset[0, 0]))
         end = min(depth, onset + (KNOWN if case.until == UNTIL else math.inf) * DROP_WINDOW)
@@ -403,7 +393,6 @@ class Atlas:
         """Compute the forces (p, k) that have the measures ``m``, at travels of their own. With ``groups``
         (p, d), ``x`` (p, k)."""
         onset, before, after = self.curves.parts(self._coordinates(groups))
-        assert after is not None, "enough cuts begin"
         falling = _falling(onset, before, after, m.drop[:, 0])
         return joined(x, onset, before, falling, m.steady[:, 0], m.slope[:, 0], m.middle)
 
@@ -415,8 +404,6 @@ class Atlas:
 
     def _shares(self, place: np.ndarray, x: np.ndarray, onset: float) -> dict[str, np.ndarray]:
         """By mechanism, the part (k,) of the work until travels (k,)."""
-        if not self.cumulative_work:
-            return {}
         shares = np.maximum(self._work.mean(place)[0].reshape(-1, len(self.cumulative_work)), 0.0)
         shares /= shares.sum(axis=1, keepdims=True)
         at = stations(onset)
@@ -458,14 +445,13 @@ def row_of(space: DesignSpace, values: Sequence[Any]) -> list[Any]:
     return [known.get(side.name, math.nan) for side in SIDES]
 
 
-def space_of(case: Case) -> DesignSpace:
-    """The design space of a case's blade and model. Raises NotInAtlas where there is none."""
+def space_of(case: Case) -> tuple[DesignSpace, Groups]:
+    """The design space of a case's blade and model, and its units. Raises NotInAtlas where there is none."""
     tool = case.model.tool
     if tool is None or tool.name not in BLADES:
         raise NotInAtlas("mechanisms", tool.name if tool else "none", f"a blade of {', '.join(BLADES)}")
     space = BLADES[tool.name]
-    base = space.base
-    of = space.parameters
+    base, of = space.base, space.parameters
     # A side that begins at 0 does so where a law has no effect: a case may lack it.
     switched = {of[s.name] for s in space.ranges if s.low == 0}
     strange = [law.name for law in case.model.all if law.name not in base.mechanisms]
@@ -485,13 +471,12 @@ def space_of(case: Case) -> DesignSpace:
         if name not in {*of.values(), units.modulus} and not is_same_value(value, at_base[name]):
             q = base.model.parameters()[name]
             raise NotInAtlas(name, q.show(case.values[name]), f"{q.show(base.values[name])}, as in the atlas")
-    return space
+    return space, units
 
 
 def values_of(case: Case, *, checked: bool = True) -> list[float]:
     """The row of a case, of whatever size. Raises NotInAtlas where a ``checked`` one lies outside."""
-    space, units = space_of(case), Groups.of(case)
-    assert units is not None, "of the atlas' model"
+    space, units = space_of(case)
     found = [float(v) for v in space.of_values(units, case.model, case.values)]
     for side, value in space.beyond(found) if checked else ():
         raise NotInAtlas(*space.outside(side, value, case))
@@ -561,8 +546,7 @@ def _falling(onset: np.ndarray, rising: np.ndarray, later: np.ndarray, root_drop
         total = np.cumsum(force[:, 1:] + force[:, :-1], axis=1) / (2 * SETTINGS.blurs)
         total = np.pad(total, ((0, 0), (1, 0)))
         mean = total[:, 2 * half :] - total[:, : -2 * half]
-        ahead = np.pad(mean, ((0, 0), (0, window)), mode="edge")
-        low = sliding_window_view(ahead, window + 1, axis=1).min(axis=2)
+        low = minimum_filter1d(mean, window + 1, axis=1, mode="nearest", origin=-(window // 2))
         seen = counts & (mean > 0)
         falls = np.max(np.divide(mean - low, mean, out=np.zeros_like(mean), where=seen), axis=1)[:, None]
         wanted = np.maximum(root_drop[:, None], 0.0) ** 2

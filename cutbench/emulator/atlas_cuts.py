@@ -24,7 +24,7 @@ class AtlasCuts(Emulator):
     """
 
     def __init__(self, plain: Case, cases: Sequence[Case], free: Collection[str]):
-        groups, self._space = Groups.of(cases[0]), space_of(plain)
+        groups, (self._space, _) = Groups.of(cases[0]), space_of(plain)
         assert groups is not None, "of the atlas' model"
         self.groups, self.model = groups, cases[0].model
         self._equal, others = self.equal_laws(cases[0])

@@ -12,7 +12,7 @@ import numpy as np
 
 from cutbench.case.case import Case, load_case
 from cutbench.case.model import Model, groups
-from cutbench.emulator.groups import Groups
+from cutbench.emulator.groups import Coordinate, Groups
 
 #: A run ends this far down, in halves of the blade's thickness.
 MAX_DEPTH = 40.0
@@ -52,12 +52,9 @@ class GroupRange:
 
     def coordinate(self, value: np.ndarray) -> np.ndarray:
         """Where values are, as the emulator takes them."""
-        value = np.asarray(value, dtype=float)
-        if self.kind == "log":
-            return np.log(np.maximum(value, 1e-300))
-        if self.kind == "asinh":
-            return np.arcsinh(value / self.unit)
-        return -np.log1p(-2 * np.minimum(value, 0.5 - 1e-9))  # what is above counts as a half
+        if self.kind == "incompressible":
+            return -np.log1p(-2 * np.minimum(value, 0.5 - 1e-9))  # what is above counts as a half
+        return Coordinate(self.name, self.kind, self.unit).of_values(np.asarray(value, dtype=float))
 
     def holds(self, value: np.ndarray | float, margin: float = 0.0) -> np.ndarray | bool:
         """Whether values are within it, and a ``margin`` of so many of its lengths."""

@@ -16,7 +16,6 @@ from cutbench.case.model import Model, apply_groups
 from cutbench.case.numerics import KEYS
 from cutbench.case.values import settable
 from cutbench.emulator.atlas import MAX_DEPTH, Estimate, row_of, shipped, space_of
-from cutbench.emulator.groups import Groups
 
 #: Changes that may be sequences, and are no points.
 NO_NUMBERS = (
@@ -142,16 +141,12 @@ def _changed(values: dict[str, Any], arrays: Mapping[str, Any], model: Model) ->
 
 def _numbers(case: Case, values: Mapping[str, Any], at_mm: Iterable[float] | None) -> dict[str, Any]:
     """Columns of a table, nan outside the atlas."""
-    atlas, space, units = shipped(), space_of(case), Groups.of(case)
-    assert units is not None, "of the atlas' model"
+    atlas, (space, units) = shipped(), space_of(case)
     own = units.length(values), units.force(values), values["depth"]
-    half, force, depth, *sides = np.broadcast_arrays(
-        *np.atleast_1d(*own, *space.of_values(units, case.model, values))
-    )
+    sizes = np.atleast_1d(*own, *space.of_values(units, case.model, values))
+    half, force, depth, *sides = np.broadcast_arrays(*sizes)
     held = np.stack([side.holds(column) for side, column in zip(space.ranges, sides, strict=True)], axis=1)
-    names = np.array([side.name for side in space.ranges])
-    inside = np.asarray(held.all(axis=1))
-    outside = [", ".join(names[~row]) for row in held]
+    inside, names = np.asarray(held.all(axis=1)), np.array([side.name for side in space.ranges])
     # Where it says nothing it is asked for the nearest, which nobody sees.
     nearest = [np.clip(column, s.low, s.high) for s, column in zip(space.ranges, sides, strict=True)]
     rows = np.stack(np.broadcast_arrays(*row_of(space, nearest)), axis=1)
@@ -167,7 +162,8 @@ def _numbers(case: Case, values: Mapping[str, Any], at_mm: Iterable[float] | Non
     table: dict[str, Any] = {
         n: ("point", np.where(inside, column, np.nan)) for n, column in (columns | odds).items()
     }
-    table |= {"verdict": ("point", np.where(inside, verdict, "")), "outside": ("point", outside)}
+    table["verdict"] = "point", np.where(inside, verdict, "")
+    table["outside"] = "point", [", ".join(names[~row]) for row in held]
     if at_mm is not None:
         forces = force[:, None] * atlas.forces(rows, m, np.asarray(at_mm, dtype=float) / half[:, None])
         table["force_N"] = ("point", "displacement_mm"), np.where(inside[:, None], forces, np.nan)
