@@ -15,9 +15,6 @@ from cutbench.data.campaign import Campaign
 from cutbench.data.experiment import SLOTS, Experiment
 from cutbench.run.sensitivity import differentiable
 
-#: A value that may not be its bound keeps this part of its size away from it.
-OPEN_BOUND_MARGIN = 1e-6
-
 
 @dataclass(frozen=True)
 class FreeParameter:
@@ -69,11 +66,10 @@ class FreeParameter:
     def value(self, q: float) -> float:
         """The parameter (internal units) at q, within its bounds, and off those that are open."""
         raw = self.start * math.exp(min(q, 200.0)) if self.logarithmic else self.start + self.scale * q
-        low, high, quantity = self.low, self.high, self.quantity
-        if quantity.open_low and low == quantity.bounds[0]:
-            low += OPEN_BOUND_MARGIN * self.scale
-        if quantity.open_high and high == quantity.bounds[1]:
-            high -= OPEN_BOUND_MARGIN * self.scale
+        # A value that may not be its bound keeps a millionth of its size away from it.
+        away, (lowest, highest) = 1e-6 * self.scale, self.quantity.bounds
+        low = self.low + away * (self.quantity.open_low and self.low == lowest)
+        high = self.high - away * (self.quantity.open_high and self.high == highest)
         return min(max(raw, low), high)
 
     def slope(self, q: float) -> float:
@@ -144,26 +140,18 @@ def free_parameters(campaign: Campaign) -> list[FreeParameter]:
     for name in plan.fixed:
         if name not in case.model.parameters():
             raise BadInput("fixed", name, one_of(name, possible))
-    if plan.free is None:
-        parameters = case.model.parameters()
-        # Known beforehand, or better known otherwise.
-        left_out = {n for n, q in parameters.items() if not q.sought} | given.keys() | set(plan.fixed)
-        chosen = set(known) - left_out
-    else:
-        chosen = set(plan.free)
+    # Known beforehand, or better known otherwise.
+    left_out = {n for n, q in case.model.parameters().items() if not q.sought} | {*given, *plan.fixed}
+    chosen = set(known) - left_out if plan.free is None else set(plan.free)
     found = []
     for name in possible:
         if name in plan.own:
-            found += [
-                _free_parameter(campaign, name, e.id)
-                for e in campaign.train
-                if name in parameters_felt_by(e, case)
-            ]
+            tests = [e for e in campaign.train if name in parameters_felt_by(e, case)]
+            found += [_free_parameter(campaign, name, e.id) for e in tests]
         elif name in chosen:
             found.append(_free_parameter(campaign, name, None))
     if not found:
-        expected = f"one parameter or more of {', '.join(possible)}"
-        raise BadInput("free", "(nothing)", expected)
+        raise BadInput("free", "(nothing)", f"one parameter or more of {', '.join(possible)}")
     return found
 
 
