@@ -26,7 +26,7 @@ STATEMENTS = {
     "maps": 3155,
     "data": 2849,
     "homogeneous": 508,
-    "calibration": 1616,
+    "calibration": 1599,
     "discovery": 1561,
     "app": 1129,
     "cli": 1124,
