@@ -24,8 +24,6 @@ from cutbench.data.experiment import SLOTS, Experiment
 from cutbench.mechanisms import registry
 from cutbench.run.sensitivity import differentiable, extended
 
-#: Values tried of one shape parameter, and of each of two together.
-GRID_OF_ONE_SHAPE, GRID_OF_SEVERAL_SHAPES = 5, 4
 #: What is asked first, in the order in which an experimenter would.
 CAUSES = ("reading", "rig", "parameter", "mechanism")
 #: Slot of a candidate that is a parameter.
@@ -34,8 +32,6 @@ FIXED = "parameter"
 NO_TIME_MEASURED = "no fitted test has a time or a speed"
 #: The same of a law with a direction, of specimens that all have one.
 ONE_ANGLE = "no fitted tests are of specimens at two angles"
-#: Around the typical value, where no scale of the tests is known.
-FACTORS_OF_TYPICAL = (1.0, 0.2, 5.0, 0.04, 25.0)
 
 
 @dataclass(frozen=True)
@@ -163,7 +159,7 @@ def _fixed_parameters(campaign: Campaign, base: Case, estimated: Collection[str]
 def _grid(shapes: Sequence[Parameter], campaign: Campaign, base: Case) -> tuple[dict[str, float], ...]:
     if not shapes:
         return ({},)
-    count = GRID_OF_ONE_SHAPE if len(shapes) == 1 else GRID_OF_SEVERAL_SHAPES
+    count = 5 if len(shapes) == 1 else 4  # of each: together they are many
     axes = []
     for q in shapes:
         # A relaxation time lies beside one that the model has already, not on it.
@@ -193,7 +189,8 @@ def _values(q: Parameter, campaign: Campaign, count: int, taken: Sequence[float]
         # images, so that no derivative says to which side it should turn.
         return list(reach * (2 * (np.arange(count | 1) + 1 / 8) / (count | 1) - 1))
     span = _span(q, campaign)
-    around = [q.typical * q.factor * part for part in FACTORS_OF_TYPICAL[:count]]
+    # Around the typical value, where no scale of the tests is known.
+    around = [q.typical * q.factor * part for part in (1.0, 0.2, 5.0, 0.04, 25.0)[:count]]
     values = around if span is None else np.geomspace(*span, count)
     values = sorted({float(np.clip(v, max(low, 1e-300), high)) for v in values})
     return [v * (1.6 if any(0.8 < v / t < 1.25 for t in taken) else 1.0) for v in values]

@@ -20,13 +20,8 @@ from cutbench.calibration.settings import SETTINGS
 from cutbench.data.covariance import Block, Factors
 from cutbench.data.experiment import Experiment
 
-TESTS, FIFTHS = "test experiments", "one fifth of the readings after the other"
-#: So many parts of a test are held out, one after the other.
-FOLDS = 5
-#: Two models whose predictions differ by less than this part of the error say the same, as squares.
-SAME_PREDICTION = 0.01
-#: Less of a test's largest value is no change.
-NO_CHANGE = 1e-3
+#: What is held out where tests are.
+TESTS = "test experiments"
 
 
 @dataclass(frozen=True)
@@ -99,7 +94,7 @@ def held_out(before: Estimated, after: Estimated) -> HeldOut:
     """How two fitted models predict what was not fitted."""
     parts, how = list(_tests(before, after)), TESTS
     if not parts:
-        parts, how = list(_cross_validated(before, after)), FIFTHS
+        parts, how = list(_cross_validated(before, after)), "one fifth of the readings after the other"
     units = {part.e.y_unit for part in parts}
     relative, sums, shape, count = len(units) > 1, np.zeros(5), np.zeros(2), 0
     for part in parts:
@@ -116,7 +111,8 @@ def held_out(before: Estimated, after: Estimated) -> HeldOut:
     of_shape = 1 - np.sqrt(shape[1] / shape[0]) if shape[0] > 0 else 0.0
     floor, unit = float(np.sqrt(sums[3] / count)), "1" if relative else units.pop()
     told = float(gain), float(se), float(of_shape), float(e0), float(e1)
-    return HeldOut(how, *told, floor, unit, bool(change > SAME_PREDICTION * sums[0]), float(error_se))
+    # Two models whose predictions differ by less than a tenth of the error say the same.
+    return HeldOut(how, *told, floor, unit, bool(change > 0.01 * sums[0]), float(error_se))
 
 
 def _error_up_to_factor(y: np.ndarray, measured: np.ndarray) -> float:
@@ -153,13 +149,13 @@ def _is_changed(before: Estimated, after: Estimated, e: Experiment, y: np.ndarra
         return True
     values = after.posterior.values(e, after.q) | {u.name: u.quantity.off_value for u in new}
     off = after.posterior.predictions.predict(e, values).y
-    return bool(np.abs(y - off).max() > NO_CHANGE * np.abs(y).max())
+    return bool(np.abs(y - off).max() > 1e-3 * np.abs(y).max())
 
 
 def _cross_validated(before: Estimated, after: Estimated) -> Iterator[_Part]:
     for e in before.posterior.tests:
         mean, block = before.w.grids[e.id].mean, before.w.tests[e.id]
-        for out in np.array_split(np.arange(mean.size), FOLDS):
+        for out in np.array_split(np.arange(mean.size), 5):
             one, other = (_prediction_without(fitted, e.id, out)[out] for fitted in (before, after))
             noise, size = block.noise[np.ix_(out, out)], float(np.abs(mean).max())
             yield _Part(

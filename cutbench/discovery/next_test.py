@@ -20,15 +20,6 @@ from cutbench.data.covariance import smooth_deviation
 from cutbench.data.experiment import HOMOGENEOUS, Experiment
 from cutbench.homogeneous import LoadingHistory, predict, respond
 
-READINGS = 40
-#: From so many standard errors on a further test is worth its trouble.
-MIN_STANDARD_ERRORS = 4.0
-#: A proposal must tell this much more than the same test as it was.
-MIN_IMPROVEMENT = 1.3
-#: What a stretch of each kind is called, and the part of the test's own that is proposed for it.
-MODES = {"uniaxial": ("tension", 1.0), "pure_shear": ("pure shear", 1.0),
-         "equibiaxial": ("equibiaxial tension", 0.6)}  # fmt: skip
-
 
 @dataclass(frozen=True)
 class Proposal:
@@ -38,6 +29,11 @@ class Proposal:
     text: str
     standard_errors: float
     part: float
+
+    @property
+    def tells(self) -> bool:
+        """Whether it is worth the trouble of a further test."""
+        return self.standard_errors >= 4.0
 
 
 def next_tests(first: Estimated, second: Estimated) -> list[Proposal]:
@@ -56,9 +52,9 @@ def next_tests(first: Estimated, second: Estimated) -> list[Proposal]:
             except (ComputationFailed, BadInput):
                 continue
             made = _proposal(first, e, text, a, b, np.arange(a.size, dtype=float))
-            if text is None:
+            if not text:
                 known = made.standard_errors
-            elif made.standard_errors > MIN_IMPROVEMENT * known:
+            elif made.standard_errors > 1.3 * known:  # much more than the same test as it was
                 found.append(made)
         if e.kind in HOMOGENEOUS and e.mounted:
             found += _with_half_length(first, second, e)
@@ -111,19 +107,19 @@ def _histories(e: Experiment):
     """Text, kind and history of each proposal; first, without text, the way there and nothing else."""
     time = duration(e) or 100.0
     rest, reach = e.rest, e.repetitions[0].x[np.argmax(np.abs(e.repetitions[0].x - e.rest))]
-    part = np.arange(1, READINGS + 1) / READINGS
+    part = np.arange(1, 41) / 40
     up, longer, t = rest + (reach - rest) * part, rest + 1.25 * (reach - rest) * part, time * part
 
     def history(x, times, pressure=e.pressure_MPa):
         return LoadingHistory.along(x, times, rest, pressure)
 
-    yield None, e.kind, history(up, t)
+    yield "", e.kind, history(up, t)
     changes: dict[str, tuple] = {
         "ten times as fast": (up, t / 10),
         "ten times as slowly": (up, t * 10),
         "with a hold of ten times its duration at the end": (
-            np.append(up, np.full(READINGS, reach)),
-            np.append(t, time + np.geomspace(0.02, 10, READINGS) * time),
+            np.append(up, np.full(up.size, reach)),
+            np.append(t, time + np.geomspace(0.02, 10, up.size) * time),
         ),
         f"to 1.25 times the {'strain' if e.kind in HOMOGENEOUS else 'distance'}": (longer, 1.25 * t),
     }
@@ -133,25 +129,26 @@ def _histories(e: Experiment):
         changes["with unloading"] = (np.append(up, up[-2::-1]), np.append(t, time + t[:-1]))
     for text, change in changes.items():
         yield f"'{e.id}' {text}", e.kind, history(*change)
-    for kind, (name, size) in MODES.items() if e.kind in HOMOGENEOUS else ():
-        if kind != e.kind:
+    # What a stretch of each kind is called, and the part of the test's own that is proposed for it.
+    for kind, name, size in (
+        ("uniaxial", "tension", 1.0), ("pure_shear", "pure shear", 1.0),
+        ("equibiaxial", "equibiaxial tension", 0.6),
+    ):  # fmt: skip
+        if e.kind in HOMOGENEOUS and kind != e.kind:
             x = 1 + size * (up - 1)
             yield f"{name} to a stretch of {x[-1]:.2g}", kind, history(x, t)
 
 
 def _proposal(
-    fitted: Estimated, e: Experiment, text: str | None, a: np.ndarray, b: np.ndarray, x: np.ndarray
+    fitted: Estimated, e: Experiment, text: str, a: np.ndarray, b: np.ndarray, x: np.ndarray
 ) -> Proposal:
-    grid = fitted.posterior.predictions.grids[e.id]
-    if grid.independent:
-        far = float(np.abs(b - a).max() / np.abs(a).max())
-        return Proposal(text or "", float(np.linalg.norm(b - a)), far)
-    noise = float(np.median(grid.reading) / np.abs(grid.mean).max())
-    count, top = max(grid.repetitions, 3), np.abs(a).max()
-    C = fitted.w.factors[e.kind].variance / count * np.outer(a, a) + smooth_deviation(x, a, 0.01) / count
-    C += np.diag(np.full(a.size, (max(noise, 1e-3) * top) ** 2 / count))
-    away = solve_triangular(cholesky(C, lower=True), b - a, lower=True)
-    return Proposal(text or "", float(np.linalg.norm(away)), float(np.abs(b - a).max() / top))
+    grid, top, away = fitted.posterior.predictions.grids[e.id], np.abs(a).max(), b - a
+    if not grid.independent:
+        noise, count = float(np.median(grid.reading) / np.abs(grid.mean).max()), max(grid.repetitions, 3)
+        C = fitted.w.factors[e.kind].variance / count * np.outer(a, a) + smooth_deviation(x, a, 0.01) / count
+        C += np.diag(np.full(a.size, (max(noise, 1e-3) * top) ** 2 / count))
+        away = solve_triangular(cholesky(C, lower=True), away, lower=True)
+    return Proposal(text, float(np.linalg.norm(away)), float(np.abs(b - a).max() / top))
 
 
 def sentence(names: Sequence[str], found: Sequence[Proposal]) -> str:
@@ -160,12 +157,12 @@ def sentence(names: Sequence[str], found: Sequence[Proposal]) -> str:
     if not found:
         return f"No further test was found that would tell {pair} apart."
     best = found[0]
-    if best.standard_errors < MIN_STANDARD_ERRORS:
+    if not best.tells:
         return (
             f"None of the tests tried would tell {pair} apart with three specimens; most would {best.text}:"
             f" the two differ by {best.standard_errors:.1f} standard errors there."
         )
-    others = [p.text for p in found[1:3] if p.standard_errors > MIN_STANDARD_ERRORS]
+    others = [p.text for p in found[1:3] if p.tells]
     more = f" (next best: {'; '.join(others)})" if others else ""
     return (
         f"{best.text[0].upper()}{best.text[1:]} would tell {pair} apart: they differ by up to"

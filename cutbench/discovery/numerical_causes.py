@@ -23,12 +23,6 @@ from cutbench.discovery.comparison import ComparisonRound, squared_discrepancy
 from cutbench.discovery.score import Score, score
 from cutbench.discovery.screening import CandidateSensitivity, Sensitivities
 
-#: Name, and what it is.
-CHOICES = {
-    "element size and step": "elements and steps about half as large",
-    "contact normal": "another direction of the contact pressure",
-}
-
 
 @dataclass(frozen=True)
 class NumericalCauses:
@@ -96,7 +90,8 @@ def _numerical_sensitivities(null: Estimated) -> tuple[list[CandidateSensitivity
     post, p, columns = null.posterior, null.posterior.predictions, []
     by = {id: mesh.change for id, mesh in post.mesh.items()}
     if any(np.any(change) for change in by.values()):
-        columns.append(_sensitivity_to_choice("element size and step", by, null))
+        what = "elements and steps about half as large"
+        columns.append(_sensitivity_to_choice("element size and step", what, by, null))
     name, by = "contact normal", {}
     cuts = [(e, p.case(e, post.values(e, null.q))) for e in post.tests_with_runs]
     plain, turned = p.runs([case for _, case in cuts]), p.runs([_with_other_normal(case) for _, case in cuts])
@@ -107,7 +102,8 @@ def _numerical_sensitivities(null: Estimated) -> tuple[list[CandidateSensitivity
             }
         values = post.values(e, null.q)
         by[e.id] = p.read(e, values, other.course) - p.read(e, values, one.course)
-    return [*columns, _sensitivity_to_choice(name, by, null)], {}
+    what = "another direction of the contact pressure"
+    return [*columns, _sensitivity_to_choice(name, what, by, null)], {}
 
 
 def _with_other_normal(case: Case) -> Case:
@@ -115,12 +111,12 @@ def _with_other_normal(case: Case) -> Case:
     return case.set(normal="tool" if case.numerics.normal == "material" else "material")
 
 
-def _sensitivity_to_choice(name: str, by: Mapping[str, np.ndarray], null: Estimated) -> CandidateSensitivity:
+def _sensitivity_to_choice(
+    name: str, what: str, by: Mapping[str, np.ndarray], null: Estimated
+) -> CandidateSensitivity:
     share = Parameter("share", "1", "s", "part of the change that is taken", off=0.0)
-    c = Candidate(name, CHOICES[name], "numerics", (share,), (), ({},))
-    return CandidateSensitivity(
-        c, {}, {id: by.get(id, np.zeros(y.size))[:, None] for id, y in null.at.y.items()}
-    )
+    columns = {id: by.get(id, np.zeros(y.size))[:, None] for id, y in null.at.y.items()}
+    return CandidateSensitivity(Candidate(name, what, "numerics", (share,), (), ({},)), {}, columns)
 
 
 def _remaining_square(null: Estimated, sensed: Sensitivities, s: Score) -> float:

@@ -20,8 +20,6 @@ from cutbench.discovery.candidates import Candidate
 from cutbench.homogeneous import scan
 from cutbench.run.sensitivity import Added, extended
 
-#: A derivative of a cut counts no more than what would change the largest force by so many times itself.
-MAX_RELATIVE_SLOPE = 2.0
 SensitivityParts = dict[tuple[str, int, str], np.ndarray]
 
 
@@ -121,7 +119,8 @@ def _by_runs(null: Estimated, asked: Sequence[Candidate]) -> SensitivityParts:
         top = float(np.abs(null.at.y[e.id]).max())
         for (c, _), by in zip(beside[e.id], run.by_added, strict=True):
             sizes = {s.name: max(abs(s.typical * s.factor), 1e-12) for s in c.strengths}
-            most = {name: MAX_RELATIVE_SLOPE * top / size for name, size in sizes.items()}
+            # A derivative counts no more than what would change the largest force by twice itself.
+            most = {name: 2.0 * top / size for name, size in sizes.items()}
             values = post.values(e, null.q)
             parts[c.name, len(c.grid) // 2, e.id] = p.read_slopes(e, values, run.course, by, most)
     return parts
