@@ -39,6 +39,11 @@ class Section:
         unit = "" if self.experiment.x_unit == "1" else f" {self.experiment.x_unit}"
         return f"{self.start:.3g} to {self.end:.3g}{unit}"
 
+    @property
+    def place(self) -> str:
+        """Where it lies, in words."""
+        return f"{f'{self.regime}, ' if self.regime else ''}{self.experiment.x_name} {self.range}"
+
     def in_mm_and_N(self) -> tuple[float, float, float] | None:
         """From, to and bias of a cut, or of a stretched specimen whose length and area are known."""
         e = self.experiment
