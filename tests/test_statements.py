@@ -27,7 +27,7 @@ STATEMENTS = {
     "data": 2849,
     "homogeneous": 508,
     "calibration": 1599,
-    "discovery": 1520,
+    "discovery": 1518,
     "app": 1129,
     "cli": 1124,
     "top": 61,
