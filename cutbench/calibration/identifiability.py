@@ -75,8 +75,7 @@ def identifiability(J: np.ndarray, parameters: Sequence[FreeParameter]) -> Ident
     # What is a matter of rounding is no sensitivity at all.
     blind = size <= 1e-9 * max(size.max(initial=0.0), 1e-300)
     _, s, Vt = _singular_values(J)
-    with np.errstate(divide="ignore"):
-        alone = np.where(blind, np.inf, 1 / np.where(blind, 1, size))
+    alone = np.where(blind, np.inf, 1 / np.where(blind, 1, size))
     covariance = information_inverse(J)
     joint = np.sqrt(np.where(blind, np.inf, np.diag(covariance)))
     sentences = [f"No reading depends on {labels[i]}." for i in np.flatnonzero(blind)]

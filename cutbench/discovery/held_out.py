@@ -95,24 +95,23 @@ def held_out(before: Estimated, after: Estimated) -> HeldOut:
     parts, how = list(_tests(before, after)), TESTS
     if not parts:
         parts, how = list(_cross_validated(before, after)), "one fifth of the readings after the other"
-    units = {part.e.y_unit for part in parts}
-    relative, sums, shape, count = len(units) > 1, np.zeros(5), np.zeros(2), 0
-    for part in parts:
-        scale, d = part.size if relative else 1.0, part.after - part.before
-        errors = [((y - part.measured) ** 2).sum() for y in (part.before, part.after)]
-        spread = [4 * d @ C @ d / scale**2 for C in (part.noise, part.error)]
-        sums += np.array([*errors, spread[0], (part.deviation**2).sum(), spread[1]]) / scale**2
-        shape += [_error_up_to_factor(y, part.measured) / scale**2 for y in (part.before, part.after)]
-        count += d.size
-    change = sum(float(((p.after - p.before) ** 2).sum()) / (p.size if relative else 1.0) ** 2 for p in parts)
-    e0, e1 = np.sqrt(sums[:2] / count)
+    units = {p.e.y_unit for p in parts}
+    relative, squares, shape, spread = len(units) > 1, np.zeros(4), np.zeros(2), np.zeros(2)
+    for p in parts:
+        scale, d = p.size if relative else 1.0, p.after - p.before
+        off = p.before - p.measured, p.after - p.measured, p.deviation, d
+        squares += [(each**2).sum() / scale**2 for each in off]
+        shape += [_error_up_to_factor(y, p.measured) / scale**2 for y in (p.before, p.after)]
+        spread += [4 * d @ C @ d / scale**4 for C in (p.noise, p.error)]
+    e0, e1, floor = np.sqrt(squares[:3] / sum(p.measured.size for p in parts))
     gain = 1 - e1 / e0 if e0 > 0 else 0.0
-    se, error_se = np.sqrt(sums[[2, 4]]) / sums[0] / (2 * max(1 - gain, 0.2)) if e0 > 0 else np.zeros(2)
+    se, error_se = np.sqrt(spread) / squares[0] / (2 * max(1 - gain, 0.2)) if e0 > 0 else np.zeros(2)
     of_shape = 1 - np.sqrt(shape[1] / shape[0]) if shape[0] > 0 else 0.0
-    floor, unit = float(np.sqrt(sums[3] / count)), "1" if relative else units.pop()
-    told = float(gain), float(se), float(of_shape), float(e0), float(e1)
     # Two models whose predictions differ by less than a tenth of the error say the same.
-    return HeldOut(how, *told, floor, unit, bool(change > 0.01 * sums[0]), float(error_se))
+    return HeldOut(
+        how, float(gain), float(se), float(of_shape), float(e0), float(e1), float(floor),
+        "1" if relative else units.pop(), bool(squares[3] > 0.01 * squares[0]), float(error_se),
+    )  # fmt: skip
 
 
 def _error_up_to_factor(y: np.ndarray, measured: np.ndarray) -> float:

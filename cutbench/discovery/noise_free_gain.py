@@ -103,10 +103,9 @@ def noise_free_gain(before: Estimated, after: Estimated, seed: int = 0) -> Noise
 def gather_evidence(before: Estimated, after: Estimated) -> Evidence | None:
     """What is known of the clean curves; None without any."""
     p = after.posterior.predictions
-    grids: dict[str, list[Averaged]] = {}
-    for e in p.campaign.experiments:
-        grids.setdefault(e.kind, []).append(p.grids[e.id])
-    factors = {kind: Factors.of(of_kind).usual for kind, of_kind in grids.items()}
+    every = p.campaign.experiments
+    factors = {kind: Factors.of([p.grids[e.id] for e in every if e.kind == kind]).usual
+               for kind in dict.fromkeys(e.kind for e in every)}  # fmt: skip
     relative = len({e.y_unit for e in p.campaign.test}) > 1
     tests, train = [], []
     for e in p.campaign.test:
@@ -205,10 +204,8 @@ def _tempered_weights(likely: np.ndarray) -> np.ndarray:
 
 def _root_of_fit_covariance(train: Sequence[PredictedTest], variance: dict[str, float]) -> np.ndarray:
     """A root (k, k) of the covariance of the fitted parameters."""
-    white = []
-    for t in train:
-        L = cholesky(positive_definite(t.rest + t.by_factor(variance[t.kind])), lower=True)
-        white.append(np.linalg.solve(L, t.J))
+    covariances = [positive_definite(t.rest + t.by_factor(variance[t.kind])) for t in train]
+    white = [np.linalg.solve(cholesky(C, lower=True), t.J) for C, t in zip(covariances, train, strict=True)]
     # Nothing is known to change by more than a factor of e or so.
     J = np.vstack([*white, np.eye(white[0].shape[1])])
     values, vectors = np.linalg.eigh(information_inverse(J))

@@ -69,11 +69,10 @@ def numerical_causes(step: ComparisonRound, seed: int) -> NumericalCauses:
     evidence = {s.name: _evidence(s) for s in scores.scores}
     good = [s.name for s in scores.scores if s.p < SETTINGS.chance and shares[s.name] >= SETTINGS.share]
     best = max(good, key=lambda name: evidence[name], default=None)
-    explains = alike = None
-    if best is not None and evidence[best] > 0:
-        ahead = evidence[best] - max((c.evidence for c in step.group), default=-math.inf)
-        explains = best if ahead > SETTINGS.undecided else None
-        alike = best if abs(ahead) <= SETTINGS.undecided else None
+    of_others = max((c.evidence for c in step.group), default=-math.inf)
+    ahead = -math.inf if best is None or evidence[best] <= 0 else evidence[best] - of_others
+    explains = best if ahead > SETTINGS.undecided else None
+    alike = best if abs(ahead) <= SETTINGS.undecided else None
     return NumericalCauses(tuple(scores.scores), shares, evidence, explains, alike, missing)
 
 

@@ -451,8 +451,8 @@ def _ranked(s: Score, c: ComparedModel | None, found: tuple[str, ...]) -> dict:
     entry = {"mechanism": s.name, "title": candidate.title, "kind": candidate.cause, "score_z": s.z,
              "fitted": c is not None}  # fmt: skip
     if c is None:
-        values = dict(zip([q.name for q in candidate.strengths], s.strengths, strict=True))
-        shown = {q.name: _value(q, q.off_value + values[q.name], math.inf) for q in candidate.strengths}
+        first = zip(candidate.strengths, s.strengths, strict=True)
+        shown = {q.name: _value(q, q.off_value + v, math.inf) for q, v in first}
         return {**entry, "parameters": shown, "gain_heldout": None, "gain_se": None}
     return {
         **entry,
