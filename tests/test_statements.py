@@ -26,7 +26,7 @@ STATEMENTS = {
     "maps": 3155,
     "data": 2849,
     "homogeneous": 508,
-    "calibration": 1598,
+    "calibration": 1586,
     "discovery": 1509,
     "app": 1129,
     "cli": 1124,

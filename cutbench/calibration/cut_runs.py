@@ -69,10 +69,14 @@ class ComputedCut:
     @classmethod
     def of(cls, result: Result) -> ComputedCut:
         """Of a run, without fields."""
-        course = np.stack([result.curve[name] for name in COURSE])
-        onset = result.measures.get("onset_mm", float("nan"))
-        effort = result.counts.get("factorization_calls", 0)
-        return cls(course, result.outcome, onset, result.sensitivities, result.by_added, effort=effort)
+        return cls(
+            np.stack([result.curve[name] for name in COURSE]),
+            result.outcome,
+            result.measures.get("onset_mm", math.nan),
+            result.sensitivities,
+            result.by_added,
+            effort=result.counts.get("factorization_calls", 0),
+        )
 
 
 def without_rig(case: Case) -> Case:
