@@ -22,7 +22,7 @@ STATEMENTS = {
     "models2d": 133,
     "models3d": 227,
     "run": 3984,
-    "emulator": 1068,
+    "emulator": 1059,
     "maps": 3155,
     "data": 2849,
     "homogeneous": 508,

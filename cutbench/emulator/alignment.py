@@ -128,20 +128,19 @@ class AlignedCurves:
         same = np.flatnonzero(np.abs(self.X - place).max(axis=1, initial=0.0) <= 1e-9)  # but for rounding
         return self.courses[same[0]] if same.size else None
 
-    def root(self, place: np.ndarray, runs: bool = True) -> np.ndarray:
-        """Root (k, r) of the error's covariance at a place (d,): of what a run there would give, or of the
-        smooth part."""
+    def root(self, place: np.ndarray) -> np.ndarray:
+        """Root (k, r) of the error's covariance at a place (d,): of what a run there would give."""
         (o,), (force,) = self.onset(place[None]), self.mean(place[None])
         size = np.hypot(force, self.small)
-        along = [(self.part[1:] * o, self._before.root(place, runs))]
+        along = [(self.part[1:] * o, self._before.root(place))]
         if self._after is not None:
-            along.append((self.beyond + o, np.pad(self._after.root(place, runs), ((1, 0), (0, 0)))))
+            along.append((self.beyond + o, np.pad(self._after.root(place), ((1, 0), (0, 0)))))
         # Each goes on as it ends, and is as it begins before.
         columns = [np.interp(self.x, way, column) for way, root in along for column in root.T]
         if self._onset is not None:
             # A shift of the onset takes along what is beyond, with the force that it begins at.
             change = np.minimum(self.x, o) * np.gradient(force, self.x) - force
-            columns.append(self._onset.spread(place[None], runs)[0] * change / size)
+            columns.append(self._onset.spread(place[None], runs=True)[0] * change / size)
         return main_parts(size[:, None] * np.stack(columns, axis=1))
 
     def _rising(self, values: np.ndarray, onset: np.ndarray) -> np.ndarray:
@@ -229,9 +228,9 @@ class Curves:
         found = np.concatenate(parts, axis=2)
         return np.pad(found, ((0, 0), (0, 0), (0, self.size - found.shape[2])), mode="edge")
 
-    def root(self, place: np.ndarray, runs: bool) -> np.ndarray:
+    def root(self, place: np.ndarray) -> np.ndarray:
         """(m, r); blocks err each by itself."""
-        parts = [made.curve_root * made.spread(place[None], runs)[0] for made in self.blocks]
+        parts = [made.curve_root * made.spread(place[None], runs=True)[0] for made in self.blocks]
         root = block_diag(*parts)
         return np.pad(root, ((0, self.size - len(root)), (0, 0)), mode="edge")
 

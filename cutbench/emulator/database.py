@@ -205,13 +205,12 @@ class CutEmulator(Emulator):
             return None
         return found.x * self.groups.length(values), found.force * self._units([values])[0]
 
-    def root(self, values: Mapping[str, float], runs: bool = True) -> np.ndarray:
+    def root(self, values: Mapping[str, float]) -> np.ndarray:
         """Compute a root of the covariance of the error of predicted forces.
 
         The error is what a run would have and is not predicted. Gives (k, r). Raises OutOfRange.
         """
-        place = self._places([values])[0]
-        return self.curves.root(place, runs) * self._units([values])[0]
+        return self.curves.root(self._places([values])[0]) * self._units([values])[0]
 
     def onset_mm(self, values: Mapping[str, float]) -> float:
         """Predict where the cut begins. Raises OutOfRange."""

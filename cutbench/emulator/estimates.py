@@ -182,9 +182,8 @@ def _derivatives(
     # Of what is off the difference is to one side.
     ends = [np.clip(now + way * size, *q.bounds) for way in (1, -1)]
     up, down = (_numbers(case, {**values, name: end}, at_mm) for end in ends)
-    by = {}
-    for n, (dims, column) in up.items():
-        if np.asarray(column).dtype.kind == "f":
-            change = (column - down[n][1]) * q.factor
-            by[f"{n}_by_{name}"] = dims, (change.T / (ends[0] - ends[1])).T
-    return by
+    return {
+        f"{n}_by_{name}": (dims, ((column - down[n][1]).T * q.factor / (ends[0] - ends[1])).T)
+        for n, (dims, column) in up.items()
+        if np.asarray(column).dtype.kind == "f"
+    }
