@@ -81,12 +81,10 @@ def _curve(top: Axes, bottom: Axes, c: ComparedCurve, lines: Sequence[Line]) -> 
         axes.fill_between(x, low, high, label=label, facecolor=COLOURS["sky"], alpha=0.45, lw=0)
     top.plot(x, s * c.mean, ".", color=COLOURS["black"], ms=3, label="measured (mean)")
     bottom.axhline(0, color="black", lw=0.5)
-    limit = 2 * s * float(np.median(c.sd))
     for values, look in lines:
-        left = s * (c.mean - values)
-        limit = max(limit, float(np.abs(left).max()))
         top.plot(x, s * values, lw=1.3, **look)
-        bottom.plot(x, left, lw=0.6, marker=".", ms=3, **look)
+        bottom.plot(x, s * (c.mean - values), lw=0.6, marker=".", ms=3, **look)
+    limit = s * max(2 * np.median(c.sd), *(np.abs(c.mean - values).max() for values, _ in lines))
     for name, mask in c.regimes().items():
         # Neighbours differ in grey print, too.
         shade = {"onset": "#E6E6E6", "transition": "#F5F5F5"}.get(name, "#FFFFFF")
@@ -105,11 +103,11 @@ def _curve(top: Axes, bottom: Axes, c: ComparedCurve, lines: Sequence[Line]) -> 
 def _measures(axes: Axes, c: ComparedCurve, lines: Sequence[Line]) -> None:
     """How far each measure is off, in standard deviations, beside what was measured and what is computed."""
     measures = c.experiment.measures if isinstance(c.experiment, MeasuredCut) else ()
-    rows, reach = np.arange(len(measures))[::-1], 3.0
+    rows = np.arange(len(measures))[::-1]
+    reach = max(3.0, *(np.abs(values - c.mean).max() for values, _ in lines))
     axes.axvspan(-2, 2, label="± 2 sd", facecolor=COLOURS["sky"], alpha=0.45, lw=0)
     axes.axvline(0, color="black", lw=0.5)
     for values, look in lines:
-        reach = max(reach, float(np.abs(values - c.mean).max()))
         axes.plot(values - c.mean, rows, **look | {"ls": "", "marker": "o", "ms": 4})
     axes.set_yticks(rows, [f"{m.name}\n{m}" for m in measures], fontsize=7)
     for row, m, value, off in zip(rows, measures, c.computed, -c.residual, strict=True):

@@ -15,8 +15,8 @@ from cutbench.data.measures import MeasuredCut
 
 @dataclass(frozen=True)
 class Section:
-    """Readings ``first`` to ``last`` (grid numbers, inclusive) of an experiment. ``bias``: measured less
-    computed, mean, in its unit; ``z``: over its standard deviation by scatter, noise and mesh."""
+    """Readings of an experiment from ``first`` (a grid number) on. ``bias``: measured less computed, mean,
+    in its unit; ``z``: over its standard deviation by scatter, noise and mesh."""
 
     experiment: Experiment
     regime: str
@@ -25,7 +25,6 @@ class Section:
     bias: float
     z: float
     first: int
-    last: int
 
     @property
     def wrong(self) -> bool:
@@ -69,10 +68,8 @@ def sections(fitted: Estimated) -> list[Section]:
         for name, mask in masks.items():
             i, mean = np.flatnonzero(mask), mask / mask.sum()
             sd, bias = float(np.sqrt(mean @ w.noise @ mean)), float(mean @ r)
-            found.append(
-                Section(e, name.split("#")[0], float(grid.x[i[0]]), float(grid.x[i[-1]]), bias, bias / sd,
-                        int(i[0]), int(i[-1]))
-            )  # fmt: skip
+            start, end = float(grid.x[i[0]]), float(grid.x[i[-1]])
+            found.append(Section(e, name.split("#")[0], start, end, bias, bias / sd, int(i[0])))
     return sorted(found, key=lambda s: (-abs(s.z), s.experiment.id, s.start))
 
 

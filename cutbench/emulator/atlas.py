@@ -357,10 +357,14 @@ class Atlas:
         x = np.linspace(0, end, 161)
         low, middle, high = force * self.band(groups, m, x)
         found = m.intervals(np.array([end]), half, force, case.values["precut"]).items()
+        kernel = self.curves.kernels["onset"]
+        assert kernel is not None, "enough cuts begin"
+        far = kernel.distances(place, self.X)[0]
         return Estimate(
             case, x * half, middle, low, high, **{n: Interval(*each[:, 0].tolist()) for n, each in found},
             chances={n: float(each[0]) for n, each in m.chances(np.array([depth])).items()},
-            work=self._shares(place, x, onset), nearest=self._nearest(place),
+            work=self._shares(place, x, onset),
+            nearest=tuple((float(far[i]), named(self.groups[i])) for i in np.argsort(far)[:3]),
         )  # fmt: skip
 
     def drawn(self, groups: np.ndarray, m: Measures, x: np.ndarray) -> np.ndarray:
@@ -395,12 +399,6 @@ class Atlas:
         onset, before, after = self.curves.parts(self._coordinates(groups))
         falling = _falling(onset, before, after, m.drop[:, 0])
         return joined(x, onset, before, falling, m.steady[:, 0], m.slope[:, 0], m.middle)
-
-    def _nearest(self, place: np.ndarray, count: int = 3) -> tuple[tuple[float, Mapping[str, float]], ...]:
-        kernel = self.curves.kernels["onset"]
-        assert kernel is not None
-        far = kernel.distances(place, self.X)[0]
-        return tuple((float(far[i]), named(self.groups[i])) for i in np.argsort(far)[:count])
 
     def _shares(self, place: np.ndarray, x: np.ndarray, onset: float) -> dict[str, np.ndarray]:
         """By mechanism, the part (k,) of the work until travels (k,)."""

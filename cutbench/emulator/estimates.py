@@ -89,8 +89,7 @@ def estimate(
     }
     fixed = {name: value for name, value in changes.items() if name not in arrays}
     several = isinstance(source, (list, tuple))
-    sources = list(source) if isinstance(source, (list, tuple)) else [source]
-    cases = [case_of(each, fixed) for each in sources]
+    cases = [case_of(each, fixed) for each in (source if isinstance(source, (list, tuple)) else [source])]
     for case in cases:
         warn_of_doubts(case, 2)
     asked = [*derivatives_by]
@@ -105,14 +104,14 @@ def estimate(
     if not several:
         values |= {n: v[0] for n, v in values.items()}
     values = _changed(values, arrays, model)
-    table = xr.Dataset(_numbers(first, values, at_mm))
-    table = table.assign_coords({n: ("point", values[n] / q.factor) for n, q in model.parameters().items()
-                                 if np.ndim(values[n])})  # fmt: skip
-    if at_mm is not None:
-        table = table.assign_coords(displacement_mm=np.asarray(at_mm, dtype=float))
+    table = _numbers(first, values, at_mm)
     for name in asked:
-        table = table.assign(_derivatives(first, values, at_mm, name))
-    return table
+        table |= _derivatives(first, values, at_mm, name)
+    along: dict[str, Any] = {n: ("point", values[n] / q.factor) for n, q in model.parameters().items()
+                             if np.ndim(values[n])}  # fmt: skip
+    if at_mm is not None:
+        along["displacement_mm"] = np.asarray(at_mm, dtype=float)
+    return xr.Dataset(table, along)
 
 
 def _changed(values: dict[str, Any], arrays: Mapping[str, Any], model: Model) -> dict[str, Any]:
