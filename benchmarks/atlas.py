@@ -36,9 +36,7 @@ from cutbench.case.case import Case
 from cutbench.emulator.alignment import Course
 from cutbench.emulator.atlas import (
     DROP_WINDOW,
-    LEVEL,
     MEASURES_WITH_PROCESS,
-    NORMAL_QUANTILE,
     Atlas,
     NotInAtlas,
     named,
@@ -48,6 +46,7 @@ from cutbench.emulator.atlas import (
 from cutbench.emulator.design_space import BLADES, DesignSpace
 from cutbench.emulator.gaussian_process import Kernel
 from cutbench.emulator.groups import Groups
+from cutbench.emulator.settings import SETTINGS
 from cutbench.maps.dataset import load_map
 from cutbench.maps.page import thinned
 from cutbench.maps.study import load_study
@@ -219,9 +218,12 @@ def wider_of(atlas: Atlas, runs: Sequence[Mapping[str, Any]], folds: int) -> dic
                 low, _, high = made.band(values, said, x)
                 parts.setdefault(factor, []).append(float(np.mean((low <= F) & (high >= F))))
             made.wider = {}
-    found = {name: max(1.0, float(np.quantile(each, LEVEL)) / NORMAL_QUANTILE) for name, each in z.items()}
+    found = {
+        name: max(1.0, float(np.quantile(each, SETTINGS.level)) / SETTINGS.quantile)
+        for name, each in z.items()
+    }
     for name, parts in inside.items():
-        enough = [factor for factor, held in parts.items() if np.mean(held) >= LEVEL]
+        enough = [factor for factor, held in parts.items() if np.mean(held) >= SETTINGS.level]
         found[name] = min(enough, default=max(parts))
     return found
 

@@ -9,7 +9,6 @@ from pathlib import Path
 from cutbench.base.files import write_text
 from cutbench.case.case import Case, load_case
 from cutbench.case.case_file_text import case_text
-from cutbench.case.model import Model
 from cutbench.data.campaign import Campaign, cut_case
 from cutbench.data.experiment import SLOTS
 from cutbench.mechanisms import registry
@@ -22,8 +21,7 @@ def runnable(campaign: Campaign, case: Case) -> Case:
     The testing machine is left out, for it is none of the material's. What the tests do not see, such as the
     toughness in tension, is as in the start material; a campaign that names none leaves it open.
     """
-    kept = case.model.unrigged
-    values: dict[str, float] = dict(case.values)
+    kept, values, outline = case.model.unrigged, {**case.values}, case.outline
     cut = next((e for e in (*campaign.train, *campaign.test) if e.kind == "cut"), None)
     if cut is not None:
         values |= cut_case(cut, case).values
@@ -32,13 +30,9 @@ def runnable(campaign: Campaign, case: Case) -> Case:
         seen = {"bulk", "rig"} | {slot for e in campaign.experiments for slot in SLOTS[e.kind]}
         unseen = [name for name in whole.mechanisms if registry()[name].slot not in seen]
         found = {q.name: values[q.name] for m in kept.all for q in m.parameters}
-        kept, values = kept.with_(*unseen), {**whole.values, **found}
-        case = replace(case, mechanisms=kept.mechanisms, values=_of(kept, values), outline=whole.outline)
-    return replace(case, mechanisms=kept.mechanisms, values=_of(kept, values), motion=())
-
-
-def _of(model: Model, values: Mapping[str, float]) -> dict[str, float]:
-    return {name: value for name, value in values.items() if name in model.parameters()}
+        kept, values, outline = kept.with_(*unseen), {**whole.values, **found}, whole.outline
+    own = {name: value for name, value in values.items() if name in kept.parameters()}
+    return replace(case, mechanisms=kept.mechanisms, values=own, outline=outline, motion=())
 
 
 def write_case(campaign: Campaign, case: Case, note: str, remarks: Mapping[str, str], path: Path) -> Path:

@@ -11,6 +11,7 @@ import json
 import math
 import zipfile
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -31,7 +32,6 @@ from cutbench.run.sensitivity import Added
 from cutbench.run.store.runs import Store
 
 COURSE = ("displacement_mm", "force_N", "time_s")
-_UNREADABLE = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile)
 Derivatives = tuple[Mapping[str, np.ndarray], Sequence[Mapping[str, np.ndarray]]]
 
 
@@ -69,10 +69,14 @@ class ComputedCut:
     @classmethod
     def of(cls, result: Result) -> ComputedCut:
         """Of a run, without fields."""
-        course = np.stack([result.curve[name] for name in COURSE])
-        onset = result.measures.get("onset_mm", float("nan"))
-        effort = result.counts.get("factorization_calls", 0)
-        return cls(course, result.outcome, onset, result.sensitivities, result.by_added, effort=effort)
+        return cls(
+            np.stack([result.curve[name] for name in COURSE]),
+            result.outcome,
+            result.measures.get("onset_mm", math.nan),
+            result.sensitivities,
+            result.by_added,
+            effort=result.counts.get("factorization_calls", 0),
+        )
 
 
 def without_rig(case: Case) -> Case:
@@ -92,11 +96,10 @@ def compute_cut(
     store = None if folder is None else Store(folder)
     keys = [*names, *(_key_of_added(each) for each in added)]
     if store is not None and (old := store.get(case.id)) is not None:
-        found = ComputedCut.of(old)
         if not keys:
-            return found
+            return ComputedCut.of(old)
         if (known := _derivatives(store.path(case.id), names, added)) is not None:
-            return replace(found, slopes=known[0], by_added=known[1])
+            return replace(ComputedCut.of(old), slopes=known[0], by_added=known[1])
     result = run_case(case, sensitivities=names, added=added, effort=effort)
     if store is not None and store.put(result, replace=bool(keys)) and keys:
         _store_derivatives(store.path(case.id), result, added)
@@ -110,17 +113,11 @@ def _key_of_added(added: Added) -> str:
 def _derivatives(home: Path, names: Sequence[str], added: Sequence[Added]) -> Derivatives | None:
     """Those that lie in an entry of the store, where they have all that is asked for."""
     for path in sorted(home.glob("derivatives-*.npz")):
-        try:
-            with np.load(path, allow_pickle=False) as data:
-                by_name = {name: data[f"by {name}"] for name in names}
-                keys = [_key_of_added(each) for each in added]
-                by_added = [
-                    {name: data[f"{key} by {name}"] for name in each.names}
-                    for key, each in zip(keys, added, strict=True)
-                ]
-                return by_name, by_added
-        except _UNREADABLE:
-            continue
+        unreadable = suppress(OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile)
+        with unreadable, np.load(path, allow_pickle=False) as data:
+            return {name: data[f"by {name}"] for name in names}, [
+                {name: data[f"{_key_of_added(each)} by {name}"] for name in each.names} for each in added
+            ]
     return None
 
 
@@ -139,18 +136,15 @@ def compute_fields(case: Case, names: Sequence[str], e: Experiment) -> ComputedC
     Pictures are not stored. One step before each field is kept too: between the two, displacements are
     interpolated. Raises BadInput, ComputationFailed.
     """
-    asked = [f.travel_mm for f in e.fields]
-    wanted = sorted({max(mm - back, 0.0) for mm in asked for back in (case.sizes.step_mm, 0.0)})
+    wanted = sorted({max(f.travel_mm - back, 0.0) for f in e.fields for back in (case.sizes.step_mm, 0.0)})
     result = run_case(case, sensitivities=names, snapshots_mm=wanted)
     u, by = [], []
     for measured in e.fields:
-        picture = at_travel(result.snapshots, measured.travel_mm)
-        there = np.full(measured.u.size, np.nan) if picture is None else sample(picture, measured).u.ravel()
-        slopes = np.zeros((measured.u.size, len(names)))
-        if picture is not None:
-            slopes = sampled_slopes(picture, measured, names).reshape(measured.u.size, -1)
-        u.append(there)
-        by.append(slopes)
+        u.append(np.full(measured.u.size, np.nan))
+        by.append(np.zeros((measured.u.size, len(names))))
+        if (picture := at_travel(result.snapshots, measured.travel_mm)) is not None:
+            u[-1][:] = sample(picture, measured).u.ravel()
+            by[-1][:] = sampled_slopes(picture, measured, names).reshape(measured.u.size, -1)
     return replace(ComputedCut.of(result), fields=np.concatenate(u), field_slopes=np.concatenate(by))
 
 
@@ -190,7 +184,7 @@ class CutRuns:
     ):
         self.database, self.count, self.failed = RunDatabase(), 0, dict[str, str]()
         self._pool, self._folder, self.check, self._compute = pool, folder, check, compute
-        self._known: dict[str, tuple[tuple[str, ...], tuple[str, ...], ComputedCut]] = {}
+        self._known: dict[str, tuple[tuple[str, ...], ComputedCut]] = {}
         self.on_run: Callable[[], None] = lambda: None
         if folder is not None and folder.is_dir():
             for result in Store(folder):
@@ -200,8 +194,7 @@ class CutRuns:
 
     def known(self, case: Case) -> ComputedCut | None:
         """The run of ``case``; None where it was not computed."""
-        found = self._known.get(case.id)
-        return None if found is None else found[2]
+        return self._known[case.id][1] if case.id in self._known else None
 
     def __call__(
         self, cases: Sequence[Case], names: Sequence[str] = (), added: Sequence[Added] = ()
@@ -210,7 +203,7 @@ class CutRuns:
         keys, wanted = tuple(_key_of_added(each) for each in added), dict[str, Case]()
         for case in cases:
             known = self._known.get(case.id)
-            if known is None or not ({*names} <= {*known[0]} and keys == known[1][: len(keys)]):
+            if known is None or not ({*names} <= {*known[1].slopes} and keys == known[0][: len(keys)]):
                 wanted.setdefault(case.id, case)
         self._run(
             wanted, [Job(id, self._compute, (case, tuple(names), tuple(added), self._folder, self._effort()))
@@ -220,8 +213,8 @@ class CutRuns:
 
     def with_fields(self, case: Case, names: Sequence[str], e: Experiment) -> ComputedCut | None:
         """The run of a test whose displacement fields were measured, with these."""
-        known = self._known.get(case.id)
-        if known is None or not known[2].fields.size or not {*names} <= {*known[0]}:
+        known = self.known(case)
+        if known is None or not known.fields.size or not {*names} <= {*known.slopes}:
             self._run({case.id: case}, [Job(case.id, compute_fields, (case, tuple(names), e))], ())
         return self.known(case)
 
@@ -239,17 +232,16 @@ class CutRuns:
         for job in jobs:
             try:
                 found = done[job.key].result()
+                if found.outcome.kind == "interrupted":
+                    raise KeyboardInterrupt
+                if not found.outcome.done:
+                    raise ComputationFailed(str(found.outcome))
             except (ComputationFailed, BadInput) as error:
                 self.failed[str(job.key)] = str(error)
-                continue
-            if found.outcome.kind == "interrupted":
-                raise KeyboardInterrupt
-            if not found.outcome.done:
-                self.failed[str(job.key)] = str(found.outcome)
-                continue
-            self._take(wanted[str(job.key)], found, keys)
+            else:
+                self._take(wanted[str(job.key)], found, keys)
 
     def _take(self, case: Case, found: ComputedCut, keys: tuple[str, ...] = ()) -> None:
         if case.id not in self._known:
             self.database.add(case, found.course, found.onset_mm)
-        self._known[case.id] = tuple(found.slopes), keys, found
+        self._known[case.id] = keys, found

@@ -28,9 +28,6 @@ if TYPE_CHECKING:
 
 #: What is computed of a test, on its grid (m,), and how it is drawn.
 Line = tuple[np.ndarray, Look]
-#: Shades of the regimes, so that neighbours differ in grey print too.
-_SHADES = {"indentation": "#FFFFFF", "onset": "#E6E6E6", "transition": "#F5F5F5", "steady": "#FFFFFF"}
-_BAND: Look = {"facecolor": COLOURS["sky"], "alpha": 0.45, "lw": 0}
 
 
 def plot_fit(fit: Fit) -> Figure:
@@ -80,17 +77,18 @@ def _curve(top: Axes, bottom: Axes, c: ComparedCurve, lines: Sequence[Line]) -> 
     if not e.monotone and (times := e.on_grid(c.x.size).time_s) is not None:
         x, along = times, "time (s)"
     for axes, middle, label in ((top, s * c.mean, "± 2 sd"), (bottom, 0.0, "")):
-        axes.fill_between(x, middle - 2 * s * c.sd, middle + 2 * s * c.sd, label=label, **_BAND)
+        low, high = middle - 2 * s * c.sd, middle + 2 * s * c.sd
+        axes.fill_between(x, low, high, label=label, facecolor=COLOURS["sky"], alpha=0.45, lw=0)
     top.plot(x, s * c.mean, ".", color=COLOURS["black"], ms=3, label="measured (mean)")
     bottom.axhline(0, color="black", lw=0.5)
-    limit = 2 * s * float(np.median(c.sd))
     for values, look in lines:
-        left = s * (c.mean - values)
-        limit = max(limit, float(np.abs(left).max()))
         top.plot(x, s * values, lw=1.3, **look)
-        bottom.plot(x, left, lw=0.6, marker=".", ms=3, **look)
+        bottom.plot(x, s * (c.mean - values), lw=0.6, marker=".", ms=3, **look)
+    limit = s * max(2 * np.median(c.sd), *(np.abs(c.mean - values).max() for values, _ in lines))
     for name, mask in c.regimes().items():
-        bottom.axvspan(x[mask][0], x[mask][-1], facecolor=_SHADES[name], lw=0, zorder=0)
+        # Neighbours differ in grey print, too.
+        shade = {"onset": "#E6E6E6", "transition": "#F5F5F5"}.get(name, "#FFFFFF")
+        bottom.axvspan(x[mask][0], x[mask][-1], facecolor=shade, lw=0, zorder=0)
         bottom.text(
             x[mask].mean(), 1.0, name[:6] + ("." if len(name) > 6 else ""), fontsize=6, color=GREY,
             ha="center", va="bottom", transform=bottom.get_xaxis_transform(),
@@ -105,11 +103,11 @@ def _curve(top: Axes, bottom: Axes, c: ComparedCurve, lines: Sequence[Line]) -> 
 def _measures(axes: Axes, c: ComparedCurve, lines: Sequence[Line]) -> None:
     """How far each measure is off, in standard deviations, beside what was measured and what is computed."""
     measures = c.experiment.measures if isinstance(c.experiment, MeasuredCut) else ()
-    rows, reach = np.arange(len(measures))[::-1], 3.0
-    axes.axvspan(-2, 2, label="± 2 sd", **_BAND)
+    rows = np.arange(len(measures))[::-1]
+    reach = max(3.0, *(np.abs(values - c.mean).max() for values, _ in lines))
+    axes.axvspan(-2, 2, label="± 2 sd", facecolor=COLOURS["sky"], alpha=0.45, lw=0)
     axes.axvline(0, color="black", lw=0.5)
     for values, look in lines:
-        reach = max(reach, float(np.abs(values - c.mean).max()))
         axes.plot(values - c.mean, rows, **look | {"ls": "", "marker": "o", "ms": 4})
     axes.set_yticks(rows, [f"{m.name}\n{m}" for m in measures], fontsize=7)
     for row, m, value, off in zip(rows, measures, c.computed, -c.residual, strict=True):

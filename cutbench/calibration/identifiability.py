@@ -16,14 +16,27 @@ import numpy as np
 
 from cutbench.calibration.parameters import FreeParameter
 
-#: Standard deviation along a direction of q beyond which the data do not tell: half of the value.
-MAX_DETERMINED_SD = 0.5
-#: Components of a direction that count, relative to its largest.
-MIN_COMPONENT = 0.25
-#: A column this much smaller than the largest is no sensitivity at all.
-NO_SENSITIVITY = 1e-9
-#: A parameter that a fit may choose is left at its start where the data know it worse than this.
-MAX_FITTED_SD = 3.0
+
+@dataclass(frozen=True)
+class Limits:
+    """From where on data tell something of a parameter.
+
+    Attributes
+    ----------
+    told : float
+        Standard deviation along a direction of q beyond which the data do not tell: half of the value.
+    component : float
+        Components of a direction that count, relative to its largest.
+    fitted : float
+        A parameter that a fit may choose is left at its start where the data know it worse than this.
+    """
+
+    told: float = 0.5
+    component: float = 0.25
+    fitted: float = 3.0
+
+
+LIMITS = Limits()
 
 
 @dataclass(frozen=True)
@@ -58,20 +71,18 @@ class Identifiability:
 
 def identifiability(J: np.ndarray, parameters: Sequence[FreeParameter]) -> Identifiability:
     """Find out which parameters the data can tell, from whitened derivatives. With ``J`` (m, k)."""
-    labels = tuple(u.label for u in parameters)
-    size = np.linalg.norm(J, axis=0)
-    blind = size <= NO_SENSITIVITY * max(size.max(initial=0.0), 1e-300)
+    labels, size = tuple(u.label for u in parameters), np.linalg.norm(J, axis=0)
+    # What is a matter of rounding is no sensitivity at all.
+    blind = size <= 1e-9 * max(size.max(initial=0.0), 1e-300)
     _, s, Vt = _singular_values(J)
-    with np.errstate(divide="ignore"):
-        alone = np.where(blind, np.inf, 1 / np.where(blind, 1, size))
+    alone = np.where(blind, np.inf, 1 / np.where(blind, 1, size))
     covariance = information_inverse(J)
     joint = np.sqrt(np.where(blind, np.inf, np.diag(covariance)))
     sentences = [f"No reading depends on {labels[i]}." for i in np.flatnonzero(blind)]
     for value, v in zip(s, Vt, strict=True):
         sd = 1 / value if value > 0 else math.inf
-        if sd <= MAX_DETERMINED_SD or blind[int(np.argmax(np.abs(v)))]:
-            continue
-        sentences.append(_sentence(v, sd, parameters))
+        if sd > LIMITS.told and not blind[np.argmax(np.abs(v))]:
+            sentences.append(_sentence(v, sd, parameters))
     return Identifiability(labels, s, alone, joint, correlations(covariance), tuple(sentences))
 
 
@@ -98,7 +109,7 @@ def correlations(covariance: np.ndarray) -> np.ndarray:
 def _sentence(v: np.ndarray, sd: float, parameters: Sequence[FreeParameter]) -> str:
     """What it means that the data know q only to ``sd`` along ``v``."""
     largest = int(np.argmax(np.abs(v)))
-    parts = [i for i in np.argsort(-np.abs(v)) if abs(v[i]) >= MIN_COMPONENT * abs(v[largest])]
+    parts = [i for i in np.argsort(-np.abs(v)) if abs(v[i]) >= LIMITS.component * abs(v[largest])]
     how = "at all" if sd > 10 else f"to better than {_amount(parameters[largest], sd)}"
     if len(parts) == 1:
         return f"These data do not determine {parameters[largest].label} {how}."
@@ -131,12 +142,12 @@ def identifiable(
         found = identifiability(J[:, kept], [parameters[i] for i in kept])
         may_go = [i for i in range(len(kept)) if parameters[kept[i]].name not in asked]
         worst = max(may_go, key=lambda i: found.joint[i], default=None)
-        if worst is None or found.joint[worst] <= MAX_FITTED_SD:
+        if worst is None or found.joint[worst] <= LIMITS.fitted:
             break
         u, alone = parameters[kept.pop(worst)], found.alone[worst]
         fixed[u.label] = (
             "no reading depends on it" if not np.isfinite(alone)
-            else "the data do not determine it" if alone > MAX_FITTED_SD
+            else "the data do not determine it" if alone > LIMITS.fitted
             else "the data do not tell it from other parameters"
         )  # fmt: skip
     return kept, fixed

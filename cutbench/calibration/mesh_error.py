@@ -12,7 +12,7 @@ values.
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import norm
@@ -30,19 +30,34 @@ from cutbench.data.experiment import Experiment
 from cutbench.data.fields import laid_out
 from cutbench.data.repetition import Averaged
 
-#: Numerics of the finer computation, relative to those of the fit.
-REFINEMENT = {"h": 0.7, "step": 0.5, "step_min": 0.5, "penalty": 2.0, "stick": 2.0}
-#: What is added of the difference's smooth part, and what stays uncertain of it.
-CORRECTION_FACTOR, UNCERTAINTY_FACTOR = 1.5, 0.7
-#: In grid values: the window of the smooth part (standard deviation), and the length of its roughness.
-SMOOTHING_WINDOW, ROUGHNESS_LENGTH = 6.0, 4.0
-#: Specimens' displacements differ by this part: they hardly depend on how stiff all of a specimen is.
-FIELD_FACTOR = 0.01
-#: Error of a computed curve before it has been measured: of its smooth part, and of its roughness.
-SMOOTH_ERROR_GUESS, ROUGH_ERROR_GUESS = 0.05, 0.02
-#: Where a cut begins is known to this part of the way: so far it moves under refinement
-#: (docs/validation/convergence.md), and jags from run to run.
-ONSET_ERROR, SHIFTS = 0.015, 12
+
+@dataclass(frozen=True)
+class ErrorModel:
+    """What is taken for the error of a computed curve.
+
+    Attributes
+    ----------
+    added, unsure : float
+        What is added of the difference's smooth part, and what stays uncertain of it; see above.
+    window, length : float
+        In grid values: the window of the smooth part (standard deviation), and the length of its roughness.
+    smooth, rough : float
+        Error before it has been measured, as a part of the curve: of its smooth part, and of its roughness.
+    onset : float
+        Where a cut begins is known to this part of the way: so far it moves under refinement
+        (docs/validation/convergence.md), and jags from run to run.
+    """
+
+    added: float = 1.5
+    unsure: float = 0.7
+    window: float = 6.0
+    length: float = 4.0
+    smooth: float = 0.05
+    rough: float = 0.02
+    onset: float = 0.015
+
+
+MODEL = ErrorModel()
 
 
 def field_block(e: Experiment, computed: np.ndarray, fine: np.ndarray | None = None) -> Block:
@@ -52,22 +67,23 @@ def field_block(e: Experiment, computed: np.ndarray, fine: np.ndarray | None = N
     It has the noise at every place, the factor by which one specimen differs from others, and what finer
     numerics change: as a whole, and place by place. ``computed`` (f,) in mm, ``fine`` with finer numerics.
     """
-    measured = laid_out(e.fields)
-    known = np.isfinite(measured) & np.isfinite(computed)
+    known = np.isfinite(laid_out(e.fields)) & np.isfinite(computed)
     if fine is None:
-        change = SMOOTH_ERROR_GUESS * np.where(known, np.abs(computed), 0.0)
+        change = MODEL.smooth * np.where(known, np.abs(computed), 0.0)
     else:
         known &= np.isfinite(fine)
         change = np.where(known, fine - computed, 0.0)
     size = np.where(known, computed, 0.0)
-    total = FIELD_FACTOR**2 * np.outer(size, size) + np.outer(change, change)
+    # Displacements hardly depend on how stiff all of a specimen is: by a hundredth.
+    total = 0.01**2 * np.outer(size, size) + np.outer(change, change)
     # Next to the cut one step more or less moves much; nobody can use such a place.
     return Block(positive_definite(total + np.diag(change**2 + e.field_noise_mm**2)), known=known)
 
 
 def refined_case(case: Case) -> Case:
     """The same test with smaller elements and steps and a stiffer blade surface."""
-    return replace(case, numerics=case.numerics.finer(**REFINEMENT))
+    finer = case.numerics.finer(h=0.7, step=0.5, step_min=0.5, penalty=2.0, stick=2.0)
+    return replace(case, numerics=finer)
 
 
 def guessed_error(grid: Averaged, y: np.ndarray, size: float = 1.0) -> np.ndarray:
@@ -85,12 +101,12 @@ def size_of_error(grid: Averaged, y: np.ndarray, fine: np.ndarray) -> float:
 def _guessed_shape(grid: Averaged, y: np.ndarray) -> np.ndarray:
     x = grid.along
     if grid.independent:
-        return np.diag((ROUGH_ERROR_GUESS * y) ** 2)
+        return np.diag((MODEL.rough * y) ** 2)
     size = np.maximum(np.abs(y), 0.1 * np.abs(y).max())
     length = np.ptp(x) / 3
-    smooth = SMOOTH_ERROR_GUESS**2 * np.outer(size, size) * matern(np.abs(x[:, None] - x), length)
-    rough = np.outer(size, size) * matern(np.abs(x[:, None] - x), ROUGHNESS_LENGTH * np.ptp(x) / (x.size - 1))
-    return smooth + ROUGH_ERROR_GUESS**2 * rough + np.diag((0.1 * ROUGH_ERROR_GUESS * size) ** 2)
+    smooth = MODEL.smooth**2 * np.outer(size, size) * matern(np.abs(x[:, None] - x), length)
+    rough = np.outer(size, size) * matern(np.abs(x[:, None] - x), MODEL.length * np.ptp(x) / (x.size - 1))
+    return smooth + MODEL.rough**2 * rough + np.diag((0.1 * MODEL.rough * size) ** 2)
 
 
 def _onset_error(grid: Averaged, y: np.ndarray) -> np.ndarray:
@@ -99,9 +115,9 @@ def _onset_error(grid: Averaged, y: np.ndarray) -> np.ndarray:
     if grid.independent:
         return np.zeros((y.size, y.size))
     x = grid.along
-    shifts = ONSET_ERROR * norm.ppf((np.arange(SHIFTS) + 0.5) / SHIFTS)
+    shifts = MODEL.onset * norm.ppf((np.arange(12) + 0.5) / 12)
     off = np.array([np.interp((1 + shift) * x, x, y) - y for shift in shifts])
-    return off.T @ off / SHIFTS * matern(np.abs(x[:, None] - x), np.ptp(x) / (x.size - 1))
+    return off.T @ off / len(shifts) * matern(np.abs(x[:, None] - x), np.ptp(x) / (x.size - 1))
 
 
 def measured_error(grid: Averaged, y: np.ndarray, fine: np.ndarray) -> np.ndarray:
@@ -111,30 +127,28 @@ def measured_error(grid: Averaged, y: np.ndarray, fine: np.ndarray) -> np.ndarra
 
 def _measured_shape(grid: Averaged, y: np.ndarray, fine: np.ndarray) -> np.ndarray:
     if grid.independent:
-        return np.diag((UNCERTAINTY_FACTOR * (fine - y)) ** 2)
+        return np.diag((MODEL.unsure * (fine - y)) ** 2)
     x = grid.along
     e, spacing = fine - y, np.ptp(x) / (x.size - 1)
     gentle = local_linear_smooth(x, e)
     missing = scatter_covariance(x, np.stack([gentle, -gentle]) / np.sqrt(2), np.zeros((x.size, x.size)))
     size = np.sqrt(2 * local_mean(x, x, (e - gentle) ** 2))  # of both meshes, and of what neither resolves
-    rough = size[:, None] * size * matern(np.abs(x[:, None] - x), ROUGHNESS_LENGTH * spacing)
-    return (
-        UNCERTAINTY_FACTOR**2 * missing + rough + np.diag(roughness_variance(x, e) + roughness_variance(x, y))
-    )
+    rough = size[:, None] * size * matern(np.abs(x[:, None] - x), MODEL.length * spacing)
+    return MODEL.unsure**2 * missing + rough + np.diag(roughness_variance(x, e) + roughness_variance(x, y))
 
 
 def correction(grid: Averaged, y: np.ndarray, fine: np.ndarray) -> np.ndarray:
     """What (m,) brings a computed curve nearer to the limit of fine meshes."""
     if grid.independent:
-        return CORRECTION_FACTOR * (fine - y)
+        return MODEL.added * (fine - y)
     x = grid.along
     gentle = local_linear_smooth(x, fine - y)
-    return CORRECTION_FACTOR * gentle + (fine - y - gentle)
+    return MODEL.added * gentle + (fine - y - gentle)
 
 
 def local_linear_smooth(x: np.ndarray, e: np.ndarray) -> np.ndarray:
     """Local lines through ``e`` (m,) under a Gaussian window."""
-    width = SMOOTHING_WINDOW * np.ptp(x) / (x.size - 1)
+    width = MODEL.window * np.ptp(x) / (x.size - 1)
     d = x - x[:, None]
     weight = np.exp(-((d / width) ** 2) / 2)
     s0, s1, s2 = (weight.sum(axis=1), (weight * d).sum(axis=1), (weight * d * d).sum(axis=1))

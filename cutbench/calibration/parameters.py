@@ -7,16 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cutbench.base.errors import BadInput
+from cutbench.base.errors import require
 from cutbench.base.toml import one_of
 from cutbench.base.units import TYPICAL_TESTS, Parameter
 from cutbench.case.case import Case
 from cutbench.data.campaign import Campaign
 from cutbench.data.experiment import SLOTS, Experiment
 from cutbench.run.sensitivity import differentiable
-
-#: A value that may not be its bound keeps this part of its size away from it.
-OPEN_BOUND_MARGIN = 1e-6
 
 
 @dataclass(frozen=True)
@@ -69,11 +66,10 @@ class FreeParameter:
     def value(self, q: float) -> float:
         """The parameter (internal units) at q, within its bounds, and off those that are open."""
         raw = self.start * math.exp(min(q, 200.0)) if self.logarithmic else self.start + self.scale * q
-        low, high, quantity = self.low, self.high, self.quantity
-        if quantity.open_low and low == quantity.bounds[0]:
-            low += OPEN_BOUND_MARGIN * self.scale
-        if quantity.open_high and high == quantity.bounds[1]:
-            high -= OPEN_BOUND_MARGIN * self.scale
+        # A value that may not be its bound keeps a millionth of its size away from it.
+        away, (lowest, highest) = 1e-6 * self.scale, self.quantity.bounds
+        low = self.low + away * (self.quantity.open_low and self.low == lowest)
+        high = self.high - away * (self.quantity.open_high and self.high == highest)
         return min(max(raw, low), high)
 
     def slope(self, q: float) -> float:
@@ -113,14 +109,15 @@ def size_of_tests(campaign: Campaign) -> tuple[float, float, float]:
             row[0] = np.abs(y).max() * (1 if e.y_unit == "N" else e.area_mm2 or length**2)
         row[2] = duration(e) or math.nan
     known = [np.log(column[column > 0]) for column in sizes.T]
-    means = [math.exp(c.mean()) if c.size else x for c, x in zip(known, TYPICAL_TESTS, strict=True)]
-    return means[0], means[1], means[2]
+    force, travel, time = (
+        math.exp(c.mean()) if c.size else x for c, x in zip(known, TYPICAL_TESTS, strict=True)
+    )
+    return force, travel, time
 
 
 def parameters_felt_by(experiment: Experiment, case: Case) -> set[str]:
     """Names of the parameters that a test of its kind can depend on."""
-    slots = SLOTS[experiment.kind]
-    laws = [law for law in case.model.all if law.slot in slots]
+    laws = [law for law in case.model.all if law.slot in SLOTS[experiment.kind]]
     return {name for law in laws for name in (*law.reads, *(q.name for q in law.parameters))}
 
 
@@ -136,34 +133,22 @@ def free_parameters(campaign: Campaign) -> list[FreeParameter]:
     given = {name: e.id for e in campaign.train for name in (*e.blade, *e.specimen)}
     known = [name for name in possible if name in seen]
     for key, name in [*(("free", name) for name in plan.free or ()), *(("own", name) for name in plan.own)]:
-        if name not in known:
-            raise BadInput(key, name, f"a parameter of these tests: {', '.join(known)}")
-        if name in given:
-            expected = f"a parameter that no experiment gives; '{given[name]}' does: take it out there"
-            raise BadInput(key, name, expected)
+        require(name in known, key, name, f"a parameter of these tests: {', '.join(known)}")
+        giver = f"'{given.get(name)}' does: take it out there"
+        require(name not in given, key, name, f"a parameter that no experiment gives; {giver}")
     for name in plan.fixed:
-        if name not in case.model.parameters():
-            raise BadInput("fixed", name, one_of(name, possible))
-    if plan.free is None:
-        parameters = case.model.parameters()
-        # Known beforehand, or better known otherwise.
-        left_out = {n for n, q in parameters.items() if not q.sought} | given.keys() | set(plan.fixed)
-        chosen = set(known) - left_out
-    else:
-        chosen = set(plan.free)
+        require(name in case.model.parameters(), "fixed", name, one_of(name, possible))
+    # Known beforehand, or better known otherwise.
+    left_out = {n for n, q in case.model.parameters().items() if not q.sought} | {*given, *plan.fixed}
+    chosen = set(known) - left_out if plan.free is None else set(plan.free)
     found = []
     for name in possible:
         if name in plan.own:
-            found += [
-                _free_parameter(campaign, name, e.id)
-                for e in campaign.train
-                if name in parameters_felt_by(e, case)
-            ]
+            tests = [e for e in campaign.train if name in parameters_felt_by(e, case)]
+            found += [_free_parameter(campaign, name, e.id) for e in tests]
         elif name in chosen:
             found.append(_free_parameter(campaign, name, None))
-    if not found:
-        expected = f"one parameter or more of {', '.join(possible)}"
-        raise BadInput("free", "(nothing)", expected)
+    require(found, "free", "(nothing)", f"one parameter or more of {', '.join(possible)}")
     return found
 
 

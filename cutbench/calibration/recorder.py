@@ -19,11 +19,6 @@ from cutbench.data.measures import MeasuredCut
 from cutbench.data.repetition import Averaged, averaging_matrix
 from cutbench.mechanisms.base import STEP
 
-#: A reading this part of all beyond the end of a curve is read at its end.
-PAST = 0.01
-#: Of the largest force, by what a curve is moved to see how its measures change.
-MOVED = 1e-4
-
 
 @dataclass(frozen=True, eq=False)
 class Recorder:
@@ -104,7 +99,7 @@ class Recorder:
             read = _polygon(places, course[2], self.model.record(course[0], course[1], course[2], p)[1])
         else:
             x, force, _ = self.model.shown(course, p)
-            if places.max() > x[-1].real + PAST * places.max():
+            if places.max() > x[-1].real + 0.01 * places.max():  # a hundredth beyond it is read at its end
                 raise ComputationFailed(f"'{self.experiment.id}' was read farther than its cut was computed")
             read = _polygon(places, x, force)
         # A real matrix times a complex vector would be a thousand times as slow.
@@ -127,20 +122,20 @@ class MeasureRecorder(Recorder):
         by = np.zeros((y.size, len(names)))
         for k, name in enumerate(names):
             slope = np.nan_to_num(slopes.get(name, np.zeros(course.shape[1])))
+            # A step by which a curve is moved by a ten-thousandth of its force, to see how measures change.
             if steep := float(np.abs(slope).max()):
-                step = MOVED * float(np.abs(course[1]).max()) / steep
+                step = 1e-4 * float(np.abs(course[1]).max()) / steep
             elif name in rig:  # what only the machine depends on
-                force, length = np.abs(course[1]).max(), np.abs(course[0]).max()
+                length, force, _ = np.abs(course).max(axis=1)
                 q = rig[name].in_tests(force, length, length / self.experiment.speed)
-                step = MOVED * max(abs(values[name]), abs(q.typical * q.factor))
+                step = 1e-4 * max(abs(values[name]), abs(q.typical * q.factor))
             else:
                 continue
-            ends = []
-            for side in (-step, step):
-                moved = course.copy()
-                moved[1] += side * slope
-                ends.append(self._measures(moved, {**values, name: values[name] + side}))
-            by[:, k] = (ends[1] - ends[0]) / (2 * step)
+            down, up = (
+                self._measures(course + np.outer([0, side, 0], slope), {**values, name: values[name] + side})
+                for side in (-step, step)
+            )
+            by[:, k] = (up - down) / (2 * step)
         return y, by
 
     def _measures(self, course: np.ndarray, values: Mapping[str, float]) -> np.ndarray:

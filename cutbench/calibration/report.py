@@ -20,31 +20,26 @@ from cutbench.calibration.fitting import ComparedCurve, Fit
 from cutbench.calibration.settings import SETTINGS
 from cutbench.data.measures import MeasuredCut
 
-#: Layout of fit.json.
-SCHEMA = 1
-#: A discrepancy above this part of a curve's maximum is said to be one.
-AMISS = 0.01
-#: Correlations below this are not worth a line.
-SHOWN = 0.3
-
 
 def by_regime(c: ComparedCurve) -> dict[str, dict[str, float]]:
     """Range in mm, mean and root mean square of the residual in N, and the largest in standard deviations."""
-    names, regimes = ("from_mm", "to_mm", "bias_N", "rms_N", "largest_z"), {}
+    regimes = {}
     for name, mask in c.regimes().items():
         x, r = c.x[mask], c.residual[mask]
-        values = x[0], x[-1], r.mean(), np.sqrt((r**2).mean()), np.abs(r / c.sd[mask]).max()
-        regimes[name] = dict(zip(names, map(float, values), strict=True))
+        regimes[name] = {
+            "from_mm": float(x[0]), "to_mm": float(x[-1]), "bias_N": float(r.mean()),
+            "rms_N": float(np.sqrt((r**2).mean())), "largest_z": float(np.abs(r / c.sd[mask]).max()),
+        }  # fmt: skip
     return regimes
 
 
 def report(fit: Fit) -> Report:
     """All that a fit says to a person."""
     k, curves = len(fit.estimates), [c for c in fit.compared if c.experiment.role == "train"]
-    wrong = fit.done and (fit.reduced_chi2 > 2 or max((c.misfit for c in curves), default=0.0) > AMISS)
+    # A discrepancy above a hundredth of a curve's maximum is said to be one.
+    wrong = fit.done and (fit.reduced_chi2 > 2 or max((c.misfit for c in curves), default=0.0) > 0.01)
     worst = max((c.relative_rmse for c in curves if c.experiment.curve), default=0.0)
     pairs = [(a, b, f"{value:+.2f}") for a, b, value in _pairs(fit)]
-    head = "parameters (95 % intervals)" if fit.done else "parameters, not estimated"
     # Beside a model that misses them, the square of readings in units of what it misses says nothing.
     chi2 = "" if wrong or not fit.done else f" chi2 = {fit.chi2:.4g}, reduced {fit.reduced_chi2:.3g},"
     values = (
@@ -60,8 +55,12 @@ def report(fit: Fit) -> Report:
         [("model", fit.case.model.described), ("status", fit.message or fit.status), ("compared", values)],
         (fit.far, misses if wrong and not fit.far else ""),
         (
-            Chapter(head, [_parameters(fit)], brief=True),
-            Chapter(f"correlations above {SHOWN:g}", [Table(("of", "and", "is"), pairs)]),
+            Chapter(
+                "parameters (95 % intervals)" if fit.done else "parameters, not estimated",
+                [_parameters(fit)],
+                brief=True,
+            ),
+            Chapter("correlations above 0.3", [Table(("of", "and", "is"), pairs)]),
             Chapter("experiments", [_experiments(fit)], brief=True),
             Chapter("regimes", [_regimes(fit)]),
             Chapter("measures of a cut", [_measures(fit)]),
@@ -82,8 +81,8 @@ def _parameters(fit: Fit) -> Table:
         estimate = [f"{show(e.value)} +/- {show(e.sd)}{relative}", f"[{show(e.low)}, {show(e.high)}]"]
         said = estimate if math.isfinite(e.sd) else [f"{show(e.value)} reached", ""]
         rows.append((e.label, *said, f"start {show(e.parameter.start)}", ", ".join(flags)))
-    left = [(label, f"left at its start: {reason}", "", "", "") for label, reason in fit.fixed.items()]
-    return Table(("parameter", "value", "interval", "from", ""), [*rows, *left])
+    rows += [(label, f"left at its start: {reason}", "", "", "") for label, reason in fit.fixed.items()]
+    return Table(("parameter", "value", "interval", "from", ""), rows)
 
 
 def _role(c: ComparedCurve) -> str:
@@ -91,11 +90,12 @@ def _role(c: ComparedCurve) -> str:
 
 
 def _experiments(fit: Fit) -> Table:
-    rows = []
-    for c in (c for c in fit.compared if c.experiment.curve):
-        beyond = f"{100 * c.misfit:.1f} % that the model cannot describe" if c.misfit else ""
-        off = f"{c.rmse:.3g} {c.experiment.y_unit}", f"{100 * c.relative_rmse:.1f} % of the maximum"
-        rows.append((c.experiment.id, f"{c.experiment.kind}, {_role(c)}", *off, beyond))
+    rows = [
+        (c.experiment.id, f"{c.experiment.kind}, {_role(c)}", f"{c.rmse:.3g} {c.experiment.y_unit}",
+         f"{100 * c.relative_rmse:.1f} % of the maximum",
+         f"{100 * c.misfit:.1f} % that the model cannot describe" if c.misfit else "")
+        for c in fit.compared if c.experiment.curve
+    ]  # fmt: skip
     return Table(("experiment", "kind", "root mean square residual", "", ""), rows)
 
 
@@ -121,10 +121,10 @@ def _measures(fit: Fit) -> Table:
 
 def _profiles(fit: Fit) -> Table:
     rows = []
-    for profile in fit.profiles:
-        show = fit.estimate(profile.label).parameter.quantity.show
-        ends = [show(v) if math.isfinite(v) else "beyond what was tried" for v in (profile.low, profile.high)]
-        rows.append((profile.label, *ends))
+    for p in fit.profiles:
+        show = fit.estimate(p.label).parameter.quantity.show
+        ends = [show(v) if math.isfinite(v) else "beyond what was tried" for v in (p.low, p.high)]
+        rows.append((p.label, *ends))
     return Table(("parameter", "from", "to"), rows)
 
 
@@ -169,7 +169,7 @@ def _measured(c: ComparedCurve, e: MeasuredCut) -> list[dict]:
 def _pairs(fit: Fit) -> list[tuple[str, str, float]]:
     numbered = enumerate(e.label for e in fit.estimates)
     pairs = [(a, b, float(fit.correlation[i, j])) for (i, a), (j, b) in combinations(numbered, 2)]
-    return sorted((p for p in pairs if abs(p[2]) >= SHOWN), key=lambda p: -abs(p[2]))
+    return sorted((p for p in pairs if abs(p[2]) >= 0.3), key=lambda p: -abs(p[2]))
 
 
 def _values(fit: Fit) -> dict[str, dict]:
@@ -191,7 +191,7 @@ def _values(fit: Fit) -> dict[str, dict]:
 def to_dict(fit: Fit) -> dict:
     """Plain data with units; the arrays of the curves included."""
     return {
-        "schema": SCHEMA,
+        "schema": 1,
         "title": fit.campaign.title,
         "model": fit.case.model.described,
         "status": fit.status,
@@ -224,7 +224,6 @@ def to_dict(fit: Fit) -> dict:
 
 def _experiment(c: ComparedCurve) -> dict:
     e = c.experiment
-    curves = {"x": c.x, "measured": c.mean, "sd": c.sd, "fitted": c.fitted}
     return {
         "kind": e.kind,
         "role": e.role,
@@ -242,7 +241,10 @@ def _experiment(c: ComparedCurve) -> dict:
         "onset_mm": c.onset_mm,
         "regimes": by_regime(c),
         "measures": _measured(c, e) if isinstance(e, MeasuredCut) else [],
-        **{name: values.tolist() for name, values in curves.items()},
+        "x": c.x.tolist(),
+        "measured": c.mean.tolist(),
+        "sd": c.sd.tolist(),
+        "fitted": c.fitted.tolist(),
     }
 
 

@@ -24,8 +24,6 @@ from cutbench.data.experiment import SLOTS, Experiment
 from cutbench.mechanisms import registry
 from cutbench.run.sensitivity import differentiable, extended
 
-#: Values tried of one shape parameter, and of each of two together.
-GRID_OF_ONE_SHAPE, GRID_OF_SEVERAL_SHAPES = 5, 4
 #: What is asked first, in the order in which an experimenter would.
 CAUSES = ("reading", "rig", "parameter", "mechanism")
 #: Slot of a candidate that is a parameter.
@@ -34,8 +32,6 @@ FIXED = "parameter"
 NO_TIME_MEASURED = "no fitted test has a time or a speed"
 #: The same of a law with a direction, of specimens that all have one.
 ONE_ANGLE = "no fitted tests are of specimens at two angles"
-#: Around the typical value, where no scale of the tests is known.
-FACTORS_OF_TYPICAL = (1.0, 0.2, 5.0, 0.04, 25.0)
 
 
 @dataclass(frozen=True)
@@ -77,39 +73,40 @@ def candidates(
 ) -> tuple[list[Candidate], dict[str, str]]:
     """What may explain what a model gets wrong."""
     found, left_out = _fixed_parameters(campaign, base, estimated), dict[str, str]()
-    clock, size = any(e.timed or e.speed for e in campaign.train), size_of_tests(campaign)
-    for name in campaign.candidates:
-        m = registry()[name]
-        if name in base.mechanisms:
-            continue
-        kinds = getattr(m, "kinds", ())
-        asked = Candidate(name, m.title, m.slot, (), (), ({},), cause_of(name), kinds)
-        if not any(asked.acts_on(e) for e in campaign.train):
-            mute = m.slot == "rig" and any(e.kind in kinds or not kinds for e in campaign.train)
-            left_out[name] = "no fitted test " + ("gives its length and area" if mute else "shows it")
-            continue
-        if m.directed and len(campaign.angles) < 2:
-            left_out[name] = ONE_ANGLE
-            continue
-        if not clock and any(powers_of(q.unit)[1] for q in m.parameters):
-            left_out[name] = NO_TIME_MEASURED
-            continue
-        try:
-            model, new = base.model.extended(name)
-            extended(base, [name])
-        except BadInput as error:
-            left_out[name] = f"cannot be added: {error.expected}"
-            continue
-        fixed = campaign.plan.fixed
-        own = [q.in_tests(*size) for q in m.parameters if q.name in new and q.name not in fixed]
-        strengths = tuple(q for q in own if q.off is not None)
-        if not strengths:
-            left_out[name] = "its parameters are fixed by the campaign"
-            continue
-        sought = differentiable(model, campaign.finds_angles)
-        shapes = tuple(q for q in own if q.off is None and q.sought and q.name in sought)
-        found.append(replace(asked, strengths=strengths, shapes=shapes, grid=_grid(shapes, campaign, base)))
+    for name in (n for n in campaign.candidates if n not in base.mechanisms):
+        made = _lacking_law(name, campaign, base)
+        if isinstance(made, Candidate):
+            found.append(made)
+        else:
+            left_out[name] = made
     return found, left_out
+
+
+def _lacking_law(name: str, campaign: Campaign, base: Case) -> Candidate | str:
+    """The candidate that a law is which the model lacks, or why it is none."""
+    m, tests = registry()[name], campaign.train
+    kinds = getattr(m, "kinds", ())
+    asked = Candidate(name, m.title, m.slot, (), (), ({},), cause_of(name), kinds)
+    if not any(asked.acts_on(e) for e in tests):
+        mute = m.slot == "rig" and any(e.kind in kinds or not kinds for e in tests)
+        return "no fitted test " + ("gives its length and area" if mute else "shows it")
+    if m.directed and len(campaign.angles) < 2:
+        return ONE_ANGLE
+    if any(powers_of(q.unit)[1] for q in m.parameters) and not any(e.timed or e.speed for e in tests):
+        return NO_TIME_MEASURED
+    try:
+        model, new = base.model.extended(name)
+        extended(base, [name])
+    except BadInput as error:
+        return f"cannot be added: {error.expected}"
+    size, free = size_of_tests(campaign), {*new} - {*campaign.plan.fixed}
+    own = [q.in_tests(*size) for q in m.parameters if q.name in free]
+    strengths = tuple(q for q in own if q.off is not None)
+    if not strengths:
+        return "its parameters are fixed by the campaign"
+    sought = differentiable(model, campaign.finds_angles)
+    shapes = tuple(q for q in own if q.off is None and q.sought and q.name in sought)
+    return replace(asked, strengths=strengths, shapes=shapes, grid=_grid(shapes, campaign, base))
 
 
 def baseline_of(campaign: Campaign) -> Campaign:
@@ -144,35 +141,27 @@ def cause_title(name: str) -> str:
 def _fixed_parameters(campaign: Campaign, base: Case, estimated: Collection[str]) -> list[Candidate]:
     """Parameters that tests feel and no fit looks for, but for those that the campaign names as fixed; none
     where nothing is a candidate."""
-    found, known = [], {*estimated, *campaign.plan.fixed}
+    given = {n for e in campaign.train for n in (*e.blade, *e.specimen)}
+    known, found = {*estimated, *campaign.plan.fixed, *given, "speed"}, []
     # What a cause that was found brings along has been fitted, or left where the data do not determine it.
-    own, given = (
-        campaign.base.model.parameters(),
-        {n for e in campaign.train for n in (*e.blade, *e.specimen)},
-    )
-    for name in differentiable(base.model) if campaign.candidates else ():
-        q = base.model.parameters()[name]
+    own = {*campaign.base.model.parameters()} - known if campaign.candidates else set()
+    for name in (n for n in differentiable(base.model) if n in own):
         kinds = tuple(dict.fromkeys(e.kind for e in campaign.train if name in parameters_felt_by(e, base)))
-        if name in known or name in given or name not in own or name == "speed" or not kinds:
-            continue
-        held = replace(q, off=base.values[name] / q.factor)
-        found.append(Candidate(name, q.doc, FIXED, (held,), (), ({},), "parameter", kinds))
+        if kinds:
+            q = base.model.parameters()[name]
+            held = replace(q, off=base.values[name] / q.factor)
+            found.append(Candidate(name, q.doc, FIXED, (held,), (), ({},), "parameter", kinds))
     return found
 
 
 def _grid(shapes: Sequence[Parameter], campaign: Campaign, base: Case) -> tuple[dict[str, float], ...]:
     if not shapes:
         return ({},)
-    count = GRID_OF_ONE_SHAPE if len(shapes) == 1 else GRID_OF_SEVERAL_SHAPES
-    axes = []
+    count = 5 if len(shapes) == 1 else 4  # of each: together they are many
+    axes, known = [], [o for o in base.model.parameters().values() if o.off is None]
     for q in shapes:
         # A relaxation time lies beside one that the model has already, not on it.
-        known = base.model.parameters().values()
-        taken = [
-            base.values[o.name]
-            for o in known
-            if o.off is None and o.unit == q.unit and _differ_by_number(o, q)
-        ]
+        taken = [base.values[o.name] for o in known if o.unit == q.unit and _differ_by_number(o, q)]
         axes.append(_values(q, campaign, count, taken))
     alike = len(shapes) > 1 and all(_differ_by_number(shapes[0], q) for q in shapes[1:])
     places = itertools.combinations(axes[0], len(shapes)) if alike else itertools.product(*axes)
@@ -193,7 +182,8 @@ def _values(q: Parameter, campaign: Campaign, count: int, taken: Sequence[float]
         # images, so that no derivative says to which side it should turn.
         return list(reach * (2 * (np.arange(count | 1) + 1 / 8) / (count | 1) - 1))
     span = _span(q, campaign)
-    around = [q.typical * q.factor * part for part in FACTORS_OF_TYPICAL[:count]]
+    # Around the typical value, where no scale of the tests is known.
+    around = [q.typical * q.factor * part for part in (1.0, 0.2, 5.0, 0.04, 25.0)[:count]]
     values = around if span is None else np.geomspace(*span, count)
     values = sorted({float(np.clip(v, max(low, 1e-300), high)) for v in values})
     return [v * (1.6 if any(0.8 < v / t < 1.25 for t in taken) else 1.0) for v in values]
@@ -210,5 +200,4 @@ def _span(q: Parameter, campaign: Campaign) -> tuple[float, float] | None:
             ranges.append((e.reach / 15, e.reach))
         elif dimension == "[length] / [time]" and (v := e.travel_speed) > 0:
             ranges.append((v / 30, v * 10))
-    lows, highs = zip(*ranges, strict=True) if ranges else ((), ())
-    return (min(lows), max(highs)) if ranges else None
+    return (min(low for low, _ in ranges), max(high for _, high in ranges)) if ranges else None

@@ -20,13 +20,8 @@ from cutbench.calibration.settings import SETTINGS
 from cutbench.data.covariance import Block, Factors
 from cutbench.data.experiment import Experiment
 
-TESTS, FIFTHS = "test experiments", "one fifth of the readings after the other"
-#: So many parts of a test are held out, one after the other.
-FOLDS = 5
-#: Two models whose predictions differ by less than this part of the error say the same, as squares.
-SAME_PREDICTION = 0.01
-#: Less of a test's largest value is no change.
-NO_CHANGE = 1e-3
+#: What is held out where tests are.
+TESTS = "test experiments"
 
 
 @dataclass(frozen=True)
@@ -99,24 +94,24 @@ def held_out(before: Estimated, after: Estimated) -> HeldOut:
     """How two fitted models predict what was not fitted."""
     parts, how = list(_tests(before, after)), TESTS
     if not parts:
-        parts, how = list(_cross_validated(before, after)), FIFTHS
-    units = {part.e.y_unit for part in parts}
-    relative, sums, shape, count = len(units) > 1, np.zeros(5), np.zeros(2), 0
-    for part in parts:
-        scale, d = part.size if relative else 1.0, part.after - part.before
-        errors = [((y - part.measured) ** 2).sum() for y in (part.before, part.after)]
-        spread = [4 * d @ C @ d / scale**2 for C in (part.noise, part.error)]
-        sums += np.array([*errors, spread[0], (part.deviation**2).sum(), spread[1]]) / scale**2
-        shape += [_error_up_to_factor(y, part.measured) / scale**2 for y in (part.before, part.after)]
-        count += d.size
-    change = sum(float(((p.after - p.before) ** 2).sum()) / (p.size if relative else 1.0) ** 2 for p in parts)
-    e0, e1 = np.sqrt(sums[:2] / count)
+        parts, how = list(_cross_validated(before, after)), "one fifth of the readings after the other"
+    units = {p.e.y_unit for p in parts}
+    relative, squares, shape, spread = len(units) > 1, np.zeros(4), np.zeros(2), np.zeros(2)
+    for p in parts:
+        scale, d = p.size if relative else 1.0, p.after - p.before
+        off = p.before - p.measured, p.after - p.measured, p.deviation, d
+        squares += [(each**2).sum() / scale**2 for each in off]
+        shape += [_error_up_to_factor(y, p.measured) / scale**2 for y in (p.before, p.after)]
+        spread += [4 * d @ C @ d / scale**4 for C in (p.noise, p.error)]
+    e0, e1, floor = np.sqrt(squares[:3] / sum(p.measured.size for p in parts))
     gain = 1 - e1 / e0 if e0 > 0 else 0.0
-    se, error_se = np.sqrt(sums[[2, 4]]) / sums[0] / (2 * max(1 - gain, 0.2)) if e0 > 0 else np.zeros(2)
+    se, error_se = np.sqrt(spread) / squares[0] / (2 * max(1 - gain, 0.2)) if e0 > 0 else np.zeros(2)
     of_shape = 1 - np.sqrt(shape[1] / shape[0]) if shape[0] > 0 else 0.0
-    floor, unit = float(np.sqrt(sums[3] / count)), "1" if relative else units.pop()
-    told = float(gain), float(se), float(of_shape), float(e0), float(e1)
-    return HeldOut(how, *told, floor, unit, bool(change > SAME_PREDICTION * sums[0]), float(error_se))
+    # Two models whose predictions differ by less than a tenth of the error say the same.
+    return HeldOut(
+        how, float(gain), float(se), float(of_shape), float(e0), float(e1), float(floor),
+        "1" if relative else units.pop(), bool(squares[3] > 0.01 * squares[0]), float(error_se),
+    )  # fmt: skip
 
 
 def _error_up_to_factor(y: np.ndarray, measured: np.ndarray) -> float:
@@ -153,13 +148,13 @@ def _is_changed(before: Estimated, after: Estimated, e: Experiment, y: np.ndarra
         return True
     values = after.posterior.values(e, after.q) | {u.name: u.quantity.off_value for u in new}
     off = after.posterior.predictions.predict(e, values).y
-    return bool(np.abs(y - off).max() > NO_CHANGE * np.abs(y).max())
+    return bool(np.abs(y - off).max() > 1e-3 * np.abs(y).max())
 
 
 def _cross_validated(before: Estimated, after: Estimated) -> Iterator[_Part]:
     for e in before.posterior.tests:
         mean, block = before.w.grids[e.id].mean, before.w.tests[e.id]
-        for out in np.array_split(np.arange(mean.size), FOLDS):
+        for out in np.array_split(np.arange(mean.size), 5):
             one, other = (_prediction_without(fitted, e.id, out)[out] for fitted in (before, after))
             noise, size = block.noise[np.ix_(out, out)], float(np.abs(mean).max())
             yield _Part(

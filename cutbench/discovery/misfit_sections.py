@@ -12,16 +12,11 @@ from cutbench.calibration.posterior import Estimated
 from cutbench.data.experiment import HOMOGENEOUS, Experiment
 from cutbench.data.measures import MeasuredCut
 
-#: A section is shown as wrong from so many standard deviations of its mean on.
-SIGNIFICANT_Z = 3.0
-#: Shortest section of a test that has no regimes, as a part of its readings.
-SHORTEST = 0.08
-
 
 @dataclass(frozen=True)
 class Section:
-    """Readings ``first`` to ``last`` (grid numbers, inclusive) of an experiment. ``bias``: measured less
-    computed, mean, in its unit; ``z``: over its standard deviation by scatter, noise and mesh."""
+    """Readings of an experiment from ``first`` (a grid number) on. ``bias``: measured less computed, mean,
+    in its unit; ``z``: over its standard deviation by scatter, noise and mesh."""
 
     experiment: Experiment
     regime: str
@@ -30,11 +25,11 @@ class Section:
     bias: float
     z: float
     first: int
-    last: int
 
     @property
     def wrong(self) -> bool:
-        return abs(self.z) >= SIGNIFICANT_Z
+        """Whether it is off by three standard deviations of its mean."""
+        return abs(self.z) >= 3.0
 
     @property
     def range(self) -> str:
@@ -42,6 +37,11 @@ class Section:
             return str(self.experiment.measures[self.first])
         unit = "" if self.experiment.x_unit == "1" else f" {self.experiment.x_unit}"
         return f"{self.start:.3g} to {self.end:.3g}{unit}"
+
+    @property
+    def place(self) -> str:
+        """Where it lies, in words."""
+        return f"{f'{self.regime}, ' if self.regime else ''}{self.experiment.x_name} {self.range}"
 
     def in_mm_and_N(self) -> tuple[float, float, float] | None:
         """From, to and bias of a cut, or of a stretched specimen whose length and area are known."""
@@ -62,29 +62,24 @@ def sections(fitted: Estimated) -> list[Section]:
         curve = ComparedCurve(
             e, grid.x, grid.mean, grid.deviation, grid.mean - r, fitted.at.onset_mm[e.id], p.thickness_mm(e)
         )
-        masks = curve.regimes() or _sections_of_one_sign(r, max(2, int(SHORTEST * r.size)))
+        masks = curve.regimes() or _sections_of_one_sign(r)
         if isinstance(e, MeasuredCut):
             masks = {m.name: grid.x == number for m, number in zip(e.measures, grid.x, strict=True)}
         for name, mask in masks.items():
-            i = np.flatnonzero(mask)
-            mean = np.zeros(r.size)
-            mean[i] = 1 / i.size
+            i, mean = np.flatnonzero(mask), mask / mask.sum()
             sd, bias = float(np.sqrt(mean @ w.noise @ mean)), float(mean @ r)
-            found.append(
-                Section(e, name.split("#")[0], float(grid.x[i[0]]), float(grid.x[i[-1]]), bias, bias / sd,
-                        int(i[0]), int(i[-1]))
-            )  # fmt: skip
+            start, end = float(grid.x[i[0]]), float(grid.x[i[-1]])
+            found.append(Section(e, name.split("#")[0], start, end, bias, bias / sd, int(i[0])))
     return sorted(found, key=lambda s: (-abs(s.z), s.experiment.id, s.start))
 
 
-def _sections_of_one_sign(r: np.ndarray, least: int) -> dict[str, np.ndarray]:
-    """Sections of one sign, short ones joined with the one before."""
+def _sections_of_one_sign(r: np.ndarray) -> dict[str, np.ndarray]:
+    """Sections of one sign, those shorter than a twelfth of the readings joined with the one before."""
+    least = max(2, int(0.08 * r.size))
     smooth = np.convolve(np.pad(r, 2, mode="edge"), np.full(5, 0.2), mode="valid")
-    cuts = [0, *(np.flatnonzero(np.diff(np.sign(smooth)) != 0) + 1), r.size]
     edges = [0]
-    for c in cuts[1:-1]:
+    for c in np.flatnonzero(np.diff(np.sign(smooth)) != 0) + 1:
         if c - edges[-1] >= least and r.size - c >= least:
             edges.append(int(c))
-    edges.append(r.size)
-    number = np.arange(r.size)
-    return {f"#{k}": (number >= a) & (number < b) for k, (a, b) in enumerate(itertools.pairwise(edges))}
+    number, ends = np.arange(r.size), itertools.pairwise([*edges, r.size])
+    return {f"#{k}": (number >= a) & (number < b) for k, (a, b) in enumerate(ends)}

@@ -7,8 +7,9 @@ tests there are, |L⁻¹ d| standard errors would be seen. Cuts take a run of ea
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
@@ -20,14 +21,7 @@ from cutbench.data.covariance import smooth_deviation
 from cutbench.data.experiment import HOMOGENEOUS, Experiment
 from cutbench.homogeneous import LoadingHistory, predict, respond
 
-READINGS = 40
-#: From so many standard errors on a further test is worth its trouble.
-MIN_STANDARD_ERRORS = 4.0
-#: A proposal must tell this much more than the same test as it was.
-MIN_IMPROVEMENT = 1.3
-#: What a stretch of each kind is called, and the part of the test's own that is proposed for it.
-MODES = {"uniaxial": ("tension", 1.0), "pure_shear": ("pure shear", 1.0),
-         "equibiaxial": ("equibiaxial tension", 0.6)}  # fmt: skip
+Reading = Callable[[Estimated], np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -39,91 +33,88 @@ class Proposal:
     standard_errors: float
     part: float
 
+    @property
+    def tells(self) -> bool:
+        """Whether it is worth the trouble of a further test."""
+        return self.standard_errors >= 4.0
+
 
 def next_tests(first: Estimated, second: Estimated) -> list[Proposal]:
     """Tests that would tell two fitted models apart, the one that tells most first."""
     found, tests = [], first.posterior.tests
-    # One test of each kind that has a formula.
-    for e in {e.kind: e for e in tests if e.kind != "cut"}.values():
+    # One test of each kind that has a formula, and one cut.
+    for e in (*{e.kind: e for e in tests if e.kind != "cut"}.values(), *first.posterior.cuts[:1]):
         known = 0.0
-        for text, kind, history in _histories(e):
+        for text, reading in _trials(first, e):
             try:
-                cases = (
-                    replace(f.case, values={**f.case.values, **f.case.model.turned(e.angle)})
-                    for f in (first, second)
-                )
-                a, b = (respond(kind, history, c.model, c.p, direction=e.direction) for c in cases)
+                a, b = reading(first), reading(second)
             except (ComputationFailed, BadInput):
                 continue
-            made = _proposal(first, e, text, a, b, np.arange(a.size, dtype=float))
-            if text is None:
+            made = _proposal(first, e, text, a, b)
+            if not text:
                 known = made.standard_errors
-            elif made.standard_errors > MIN_IMPROVEMENT * known:
+            elif made.standard_errors > 1.3 * known:  # much more than the same test as it was
                 found.append(made)
-        if e.kind in HOMOGENEOUS and e.mounted:
-            found += _with_half_length(first, second, e)
-    for e in first.posterior.cuts[:1]:
-        found += _cuts(first, second, e)
     return sorted(found, key=lambda p: -p.standard_errors)
 
 
-def _with_half_length(first: Estimated, second: Estimated, e: Experiment) -> list[Proposal]:
-    """The same test on a specimen of half the length: machines, grips and plates act on it otherwise."""
-    half = replace(e, specimen={**e.specimen, "length": e.specimen["length"] / 2})
-    grid = first.posterior.predictions.grids[e.id]
-    try:
-        a, b = (predict(half, fitted.case.model, fitted.case.p, grid) for fitted in (first, second))
-    except (ComputationFailed, BadInput):
-        return []
-    return [_proposal(first, e, f"'{e.id}' on a specimen half as long", a, b, np.arange(a.size, dtype=float))]
+def _trials(fitted: Estimated, e: Experiment) -> Iterator[tuple[str, Reading]]:
+    """The text of each proposal, with what a model reads of it. Without text: the way there and nothing else,
+    beside which those that follow are seen."""
+    if e.kind == "cut":
+        case = fitted.posterior.predictions.case(e, fitted.posterior.values(e, fitted.q))
+        changes: dict[str, dict[str, float]] = {}
+        for q in case.model.parameters().values():
+            if q.trial and case.values[q.name]:
+                changes.setdefault(q.trial[0], {})[q.name] = q.trial[1]
+        for text, factors in changes.items():
+            yield f"'{e.id}' {text}", partial(_of_cut, e=e, factors=factors)
+        return
+    if e.kind in HOMOGENEOUS and e.mounted:
+        # Machines, grips and plates act otherwise on it.
+        half = replace(e, specimen={**e.specimen, "length": e.specimen["length"] / 2})
+        yield f"'{e.id}' on a specimen half as long", partial(_of_specimen, e=half)
+    for text, kind, history in _histories(e):
+        yield text, partial(_of_history, e=e, kind=kind, history=history)
 
 
-def _cuts(first: Estimated, second: Estimated, e: Experiment) -> list[Proposal]:
-    """The same for cuts like ``e``."""
-    cases = [f.posterior.predictions.case(e, f.posterior.values(e, f.q)) for f in (first, second)]
-    changes: dict[str, dict[str, float]] = {}
-    for q in cases[0].model.parameters().values():
-        if q.trial and cases[0].values[q.name]:
-            text, factor = q.trial
-            changes.setdefault(f"'{e.id}' {text}", {})[q.name] = factor
-    found, grid = [], first.posterior.predictions.grids[e.id]
-    for text, factors in changes.items():
-        try:
-            a, b = (
-                _reading(f, e, {n: v * factors.get(n, 1.0) for n, v in case.values.items()})
-                for f, case in zip((first, second), cases, strict=True)
-            )
-        except ComputationFailed:
-            continue
-        found.append(_proposal(first, e, text, a, b, grid.x))
-    return found
+def _of_history(fitted: Estimated, e: Experiment, kind: str, history: LoadingHistory) -> np.ndarray:
+    """What a test of a ``kind`` would read (m,) along a history. Raises ComputationFailed, BadInput."""
+    case = replace(fitted.case, values={**fitted.case.values, **fitted.case.model.turned(e.angle)})
+    return respond(kind, history, case.model, case.p, direction=e.direction)
 
 
-def _reading(fitted: Estimated, e: Experiment, there: Mapping[str, float]) -> np.ndarray:
-    """What a cut like ``e`` would read (m,) with other values of its own. Raises ComputationFailed."""
-    p = fitted.posterior.predictions
+def _of_specimen(fitted: Estimated, e: Experiment) -> np.ndarray:
+    """The same of another specimen, on the grid of the test. Raises ComputationFailed, BadInput."""
+    return predict(e, fitted.case.model, fitted.case.p, fitted.posterior.predictions.grids[e.id])
+
+
+def _of_cut(fitted: Estimated, e: Experiment, factors: Mapping[str, float]) -> np.ndarray:
+    """The same of a cut like ``e`` with other values of its own. Raises ComputationFailed."""
+    p, values = fitted.posterior.predictions, fitted.posterior.values(e, fitted.q)
+    there = {n: v * factors.get(n, 1.0) for n, v in p.case(e, values).values.items()}
     p.compute(e, there)
     x, force = p.curve(e, there)
-    return p.read(e, fitted.posterior.values(e, fitted.q), np.stack([x, force, x / there["speed"]]))
+    return p.read(e, values, np.stack([x, force, x / there["speed"]]))
 
 
-def _histories(e: Experiment):
-    """Text, kind and history of each proposal; first, without text, the way there and nothing else."""
+def _histories(e: Experiment) -> Iterator[tuple[str, str, LoadingHistory]]:
+    """Text, kind and history of each proposal."""
     time = duration(e) or 100.0
     rest, reach = e.rest, e.repetitions[0].x[np.argmax(np.abs(e.repetitions[0].x - e.rest))]
-    part = np.arange(1, READINGS + 1) / READINGS
+    part = np.arange(1, 41) / 40
     up, longer, t = rest + (reach - rest) * part, rest + 1.25 * (reach - rest) * part, time * part
 
     def history(x, times, pressure=e.pressure_MPa):
         return LoadingHistory.along(x, times, rest, pressure)
 
-    yield None, e.kind, history(up, t)
+    yield "", e.kind, history(up, t)
     changes: dict[str, tuple] = {
         "ten times as fast": (up, t / 10),
         "ten times as slowly": (up, t * 10),
         "with a hold of ten times its duration at the end": (
-            np.append(up, np.full(READINGS, reach)),
-            np.append(t, time + np.geomspace(0.02, 10, READINGS) * time),
+            np.append(up, np.full(up.size, reach)),
+            np.append(t, time + np.geomspace(0.02, 10, up.size) * time),
         ),
         f"to 1.25 times the {'strain' if e.kind in HOMOGENEOUS else 'distance'}": (longer, 1.25 * t),
     }
@@ -133,25 +124,25 @@ def _histories(e: Experiment):
         changes["with unloading"] = (np.append(up, up[-2::-1]), np.append(t, time + t[:-1]))
     for text, change in changes.items():
         yield f"'{e.id}' {text}", e.kind, history(*change)
-    for kind, (name, size) in MODES.items() if e.kind in HOMOGENEOUS else ():
-        if kind != e.kind:
+    # What a stretch of each kind is called, and the part of the test's own that is proposed for it.
+    for kind, name, size in (
+        ("uniaxial", "tension", 1.0), ("pure_shear", "pure shear", 1.0),
+        ("equibiaxial", "equibiaxial tension", 0.6),
+    ):  # fmt: skip
+        if e.kind in HOMOGENEOUS and kind != e.kind:
             x = 1 + size * (up - 1)
             yield f"{name} to a stretch of {x[-1]:.2g}", kind, history(x, t)
 
 
-def _proposal(
-    fitted: Estimated, e: Experiment, text: str | None, a: np.ndarray, b: np.ndarray, x: np.ndarray
-) -> Proposal:
-    grid = fitted.posterior.predictions.grids[e.id]
-    if grid.independent:
-        far = float(np.abs(b - a).max() / np.abs(a).max())
-        return Proposal(text or "", float(np.linalg.norm(b - a)), far)
-    noise = float(np.median(grid.reading) / np.abs(grid.mean).max())
-    count, top = max(grid.repetitions, 3), np.abs(a).max()
-    C = fitted.w.factors[e.kind].variance / count * np.outer(a, a) + smooth_deviation(x, a, 0.01) / count
-    C += np.diag(np.full(a.size, (max(noise, 1e-3) * top) ** 2 / count))
-    away = solve_triangular(cholesky(C, lower=True), b - a, lower=True)
-    return Proposal(text or "", float(np.linalg.norm(away)), float(np.abs(b - a).max() / top))
+def _proposal(fitted: Estimated, e: Experiment, text: str, a: np.ndarray, b: np.ndarray) -> Proposal:
+    grid, top, away = fitted.posterior.predictions.grids[e.id], np.abs(a).max(), b - a
+    if not grid.independent:
+        x = grid.x if e.kind == "cut" else np.arange(a.size, dtype=float)
+        noise, count = float(np.median(grid.reading) / np.abs(grid.mean).max()), max(grid.repetitions, 3)
+        C = fitted.w.factors[e.kind].variance / count * np.outer(a, a) + smooth_deviation(x, a, 0.01) / count
+        C += np.diag(np.full(a.size, (max(noise, 1e-3) * top) ** 2 / count))
+        away = solve_triangular(cholesky(C, lower=True), away, lower=True)
+    return Proposal(text, float(np.linalg.norm(away)), float(np.abs(b - a).max() / top))
 
 
 def sentence(names: Sequence[str], found: Sequence[Proposal]) -> str:
@@ -160,12 +151,12 @@ def sentence(names: Sequence[str], found: Sequence[Proposal]) -> str:
     if not found:
         return f"No further test was found that would tell {pair} apart."
     best = found[0]
-    if best.standard_errors < MIN_STANDARD_ERRORS:
+    if not best.tells:
         return (
             f"None of the tests tried would tell {pair} apart with three specimens; most would {best.text}:"
             f" the two differ by {best.standard_errors:.1f} standard errors there."
         )
-    others = [p.text for p in found[1:3] if p.standard_errors > MIN_STANDARD_ERRORS]
+    others = [p.text for p in found[1:3] if p.tells]
     more = f" (next best: {'; '.join(others)})" if others else ""
     return (
         f"{best.text[0].upper()}{best.text[1:]} would tell {pair} apart: they differ by up to"

@@ -34,16 +34,9 @@ from cutbench.data.covariance import (
 )
 from cutbench.data.repetition import Averaged
 
-#: Draws; the part of them that an interval holds.
-DRAWS, LEVEL = 1000, 0.9
-#: Sizes of a discrepancy beforehand: none with this probability, else any up to this one.
-NONE, LARGEST = 0.25, 0.3
-DISCREPANCY_SIZES = RELATIVE_SIZES[RELATIVE_SIZES <= LARGEST]
-PRIOR_OF_SIZES = np.append(
-    NONE, np.full(DISCREPANCY_SIZES.size - 1, (1 - NONE) / (DISCREPANCY_SIZES.size - 1))
-)
-#: So many draws, at the least, the weight is shared by.
-MIN_EFFECTIVE_DRAWS = 50
+#: Sizes of a discrepancy, and their probabilities beforehand: a quarter for none, else any up to 0.3.
+SIZES = RELATIVE_SIZES[RELATIVE_SIZES <= 0.3]
+PRIOR = np.append(0.25, np.full(SIZES.size - 1, 0.75 / (SIZES.size - 1)))
 #: Gains that differ by less are the same to a person.
 NEAR = 0.1
 
@@ -110,10 +103,9 @@ def noise_free_gain(before: Estimated, after: Estimated, seed: int = 0) -> Noise
 def gather_evidence(before: Estimated, after: Estimated) -> Evidence | None:
     """What is known of the clean curves; None without any."""
     p = after.posterior.predictions
-    grids: dict[str, list[Averaged]] = {}
-    for e in p.campaign.experiments:
-        grids.setdefault(e.kind, []).append(p.grids[e.id])
-    factors = {kind: Factors.of(of_kind).usual for kind, of_kind in grids.items()}
+    every = p.campaign.experiments
+    factors = {kind: Factors.of([p.grids[e.id] for e in every if e.kind == kind]).usual
+               for kind in dict.fromkeys(e.kind for e in every)}  # fmt: skip
     relative = len({e.y_unit for e in p.campaign.test}) > 1
     tests, train = [], []
     for e in p.campaign.test:
@@ -141,7 +133,7 @@ def _predicted_test(grid: Averaged, before, after, J, rest, kind: str, size: flo
     )
 
 
-def gain_from_draws(evidence: Evidence, rng: np.random.Generator, draws: int = DRAWS) -> NoiseFreeGain:
+def gain_from_draws(evidence: Evidence, rng: np.random.Generator, draws: int = 1000) -> NoiseFreeGain:
     tests = evidence.tests
     roots = [cholesky(positive_definite(t.correlation), lower=True) * t.scale for t in tests]
     rest = [cholesky(positive_definite(t.rest), lower=True) for t in tests]
@@ -160,12 +152,10 @@ def gain_from_draws(evidence: Evidence, rng: np.random.Generator, draws: int = D
         variance = {
             kind: f.dof * f.variance / float(rng.chisquare(f.dof)) for kind, f in evidence.factors.items()
         }
-        which = [rng.choice(DISCREPANCY_SIZES.size, p=chance) for chance in chances]
-        d = DISCREPANCY_SIZES[which]
+        which = [rng.choice(SIZES.size, p=chance) for chance in chances]
+        d = SIZES[which]
         # What is drawn more often than it was expected beforehand counts by less.
-        likely[k] = sum(
-            np.log(PRIOR_OF_SIZES[i] / chance[i]) for i, chance in zip(which, chances, strict=True)
-        )
+        likely[k] = sum(np.log(PRIOR[i] / chance[i]) for i, chance in zip(which, chances, strict=True))
         root = _root_of_fit_covariance(evidence.train, variance)
         K = J @ root
         K = K @ K.T + block_diag(*((s * t.scale) ** 2 * t.correlation for s, t in zip(d, tests, strict=True)))
@@ -184,8 +174,7 @@ def gain_from_draws(evidence: Evidence, rng: np.random.Generator, draws: int = D
         likely[k] += -off @ cho_solve(both, off) / 2 - np.log(np.diag(both[0])).sum()
     weight = _tempered_weights(likely)
     order = np.argsort(gains)
-    share = np.cumsum(weight[order])
-    low, value, high = np.interp([(1 - LEVEL) / 2, 0.5, (1 + LEVEL) / 2], share, gains[order])
+    low, value, high = np.interp([0.05, 0.5, 0.95], np.cumsum(weight[order]), gains[order])
     near = weight[np.abs(gains - value) < NEAR].sum()
     return NoiseFreeGain(float(value), float(low), float(high), float(near))
 
@@ -193,32 +182,30 @@ def gain_from_draws(evidence: Evidence, rng: np.random.Generator, draws: int = D
 def _size_probabilities(t: PredictedTest, moved: np.ndarray, variance: float) -> np.ndarray:
     """Of each possible size of the discrepancy of one test by itself; none is ruled out."""
     rest, off = t.rest + t.by_factor(variance) + moved @ moved.T, t.mean - t.after
-    likely = np.log(PRIOR_OF_SIZES)
-    for i, s in enumerate(DISCREPANCY_SIZES):
+    likely = np.log(PRIOR)
+    for i, s in enumerate(SIZES):
         L = cho_factor(positive_definite(rest + (s * t.scale) ** 2 * t.correlation), lower=True)
         likely[i] += -off @ cho_solve(L, off) / 2 - np.log(np.diag(L[0])).sum()
     chance = np.exp(likely - likely.max())
-    return 0.9 * chance / chance.sum() + 0.1 * PRIOR_OF_SIZES
+    return 0.9 * chance / chance.sum() + 0.1 * PRIOR
 
 
 def _tempered_weights(likely: np.ndarray) -> np.ndarray:
-    """Of draws, 1 in all. Where few of them would have it all they are made more alike, so that what is not
-    known well is not said to be."""
+    """Of draws, 1 in all. Where fewer than some fifty would have it all they are made more alike, so that
+    what is not known well is not said to be."""
     power = 1.0
     while True:
         weight = np.exp(power * (likely - likely.max()))
         weight = weight / float(weight.sum())
-        if 1 / float(weight @ weight) >= min(MIN_EFFECTIVE_DRAWS, likely.size / 2):
+        if 1 / float(weight @ weight) >= min(50, likely.size / 2):
             return weight
         power *= 0.8
 
 
 def _root_of_fit_covariance(train: Sequence[PredictedTest], variance: dict[str, float]) -> np.ndarray:
     """A root (k, k) of the covariance of the fitted parameters."""
-    white = []
-    for t in train:
-        L = cholesky(positive_definite(t.rest + t.by_factor(variance[t.kind])), lower=True)
-        white.append(np.linalg.solve(L, t.J))
+    covariances = [positive_definite(t.rest + t.by_factor(variance[t.kind])) for t in train]
+    white = [np.linalg.solve(cholesky(C, lower=True), t.J) for C, t in zip(covariances, train, strict=True)]
     # Nothing is known to change by more than a factor of e or so.
     J = np.vstack([*white, np.eye(white[0].shape[1])])
     values, vectors = np.linalg.eigh(information_inverse(J))

@@ -23,12 +23,6 @@ from cutbench.discovery.comparison import ComparisonRound, squared_discrepancy
 from cutbench.discovery.score import Score, score
 from cutbench.discovery.screening import CandidateSensitivity, Sensitivities
 
-#: Name, and what it is.
-CHOICES = {
-    "element size and step": "elements and steps about half as large",
-    "contact normal": "another direction of the contact pressure",
-}
-
 
 @dataclass(frozen=True)
 class NumericalCauses:
@@ -75,11 +69,10 @@ def numerical_causes(step: ComparisonRound, seed: int) -> NumericalCauses:
     evidence = {s.name: _evidence(s) for s in scores.scores}
     good = [s.name for s in scores.scores if s.p < SETTINGS.chance and shares[s.name] >= SETTINGS.share]
     best = max(good, key=lambda name: evidence[name], default=None)
-    explains = alike = None
-    if best is not None and evidence[best] > 0:
-        ahead = evidence[best] - max((c.evidence for c in step.group), default=-math.inf)
-        explains = best if ahead > SETTINGS.undecided else None
-        alike = best if abs(ahead) <= SETTINGS.undecided else None
+    of_others = max((c.evidence for c in step.group), default=-math.inf)
+    ahead = -math.inf if best is None or evidence[best] <= 0 else evidence[best] - of_others
+    explains = best if ahead > SETTINGS.undecided else None
+    alike = best if abs(ahead) <= SETTINGS.undecided else None
     return NumericalCauses(tuple(scores.scores), shares, evidence, explains, alike, missing)
 
 
@@ -96,7 +89,8 @@ def _numerical_sensitivities(null: Estimated) -> tuple[list[CandidateSensitivity
     post, p, columns = null.posterior, null.posterior.predictions, []
     by = {id: mesh.change for id, mesh in post.mesh.items()}
     if any(np.any(change) for change in by.values()):
-        columns.append(_sensitivity_to_choice("element size and step", by, null))
+        what = "elements and steps about half as large"
+        columns.append(_sensitivity_to_choice("element size and step", what, by, null))
     name, by = "contact normal", {}
     cuts = [(e, p.case(e, post.values(e, null.q))) for e in post.tests_with_runs]
     plain, turned = p.runs([case for _, case in cuts]), p.runs([_with_other_normal(case) for _, case in cuts])
@@ -107,7 +101,8 @@ def _numerical_sensitivities(null: Estimated) -> tuple[list[CandidateSensitivity
             }
         values = post.values(e, null.q)
         by[e.id] = p.read(e, values, other.course) - p.read(e, values, one.course)
-    return [*columns, _sensitivity_to_choice(name, by, null)], {}
+    what = "another direction of the contact pressure"
+    return [*columns, _sensitivity_to_choice(name, what, by, null)], {}
 
 
 def _with_other_normal(case: Case) -> Case:
@@ -115,12 +110,12 @@ def _with_other_normal(case: Case) -> Case:
     return case.set(normal="tool" if case.numerics.normal == "material" else "material")
 
 
-def _sensitivity_to_choice(name: str, by: Mapping[str, np.ndarray], null: Estimated) -> CandidateSensitivity:
+def _sensitivity_to_choice(
+    name: str, what: str, by: Mapping[str, np.ndarray], null: Estimated
+) -> CandidateSensitivity:
     share = Parameter("share", "1", "s", "part of the change that is taken", off=0.0)
-    c = Candidate(name, CHOICES[name], "numerics", (share,), (), ({},))
-    return CandidateSensitivity(
-        c, {}, {id: by.get(id, np.zeros(y.size))[:, None] for id, y in null.at.y.items()}
-    )
+    columns = {id: by.get(id, np.zeros(y.size))[:, None] for id, y in null.at.y.items()}
+    return CandidateSensitivity(Candidate(name, what, "numerics", (share,), (), ({},)), {}, columns)
 
 
 def _remaining_square(null: Estimated, sensed: Sensitivities, s: Score) -> float:

@@ -21,18 +21,12 @@ from cutbench.discovery.candidates import cause_of, cause_title, family_of
 from cutbench.discovery.comparison import ComparedModel, ComparisonRound, FoundCause
 from cutbench.discovery.figures import plot as plot
 from cutbench.discovery.figures import plot_curves, plot_ranking
+from cutbench.discovery.held_out import TESTS, HeldOut
 from cutbench.discovery.misfit_sections import Section
 from cutbench.discovery.score import Score
 from cutbench.discovery.search import Discovery
 from cutbench.mechanisms import registry
 
-SCHEMA = 2
-#: 95 % of a normal distribution lie within so many standard deviations.
-NORMAL_QUANTILE = 1.96
-#: Where more than this part of what was wrong remains, what was found is said to be a part of it.
-PARTIAL_EXPLANATION = 0.25
-#: What is reported of a gain.
-GAIN = ("baseline_rmse", "extended_rmse", "noise_floor", "unit", "gain", "gain_se", "how")
 _IN_SHORT = {
     "mechanism": "A mechanism was found",
     "none": "Nothing is missing",
@@ -59,12 +53,11 @@ def verdict_sentence(d: Discovery) -> str:
     str
         A sentence or several.
     """
-    if d.campaign.doubts:
-        more = len(d.campaign.doubts) - 1
-        rest = f", and {more} more that the notes name" if more else ""
-        first = f"Readings are in doubt before any mechanism is: {d.campaign.doubts[0]}{rest}."
-        return f"{first} As they are read: {_answer(d)}"
-    return _answer(d)
+    if not d.campaign.doubts:
+        return _answer(d)
+    first, *more = d.campaign.doubts
+    rest = f", and {len(more)} more that the notes name" if more else ""
+    return f"Readings are in doubt before any mechanism is: {first}{rest}. As they are read: {_answer(d)}"
 
 
 def _answer(d: Discovery) -> str:
@@ -73,7 +66,7 @@ def _answer(d: Discovery) -> str:
         return "The baseline describes the tests to within their scatter: nothing needs to be added."
     if not d.steps:
         return f"The baseline is not fitted to its end ({d.stopped}): no cause was looked for.{_so_far(d)}"
-    place = f"'{d.wrong[0].experiment.id}', {place_of(d.wrong[0])}"
+    place = f"'{d.wrong[0].experiment.id}', {d.wrong[0].place}"
     if d.numerics.explains:
         return (
             f"The baseline is wrong (most in {place}), and a numerical choice, {d.numerics.explains},"
@@ -88,46 +81,44 @@ def _answer(d: Discovery) -> str:
             f" candidates could not be tried: {reasons or 'there were none'}.{_so_far(d)}"
         )
     if d.verdict == "unexplained":
-        best = [f" Nearest came {cause_title(c.name)}: {'; '.join(c.doubts)}." for c in d.steps[0].compared]
-        nearest = best[0] if best else ""
+        nearest = [
+            f" Nearest came {cause_title(c.name)}: {'; '.join(c.doubts)}." for c in d.steps[0].compared
+        ]
         return (
             f"The baseline is wrong beyond the scatter (most in {place}), and none of the candidates explains"
-            f" it: the cause is unexplained.{nearest}"
+            f" it: the cause is unexplained.{''.join(nearest[:1])}"
         )
-    physics = any(cause_of(n) == "mechanism" for n in d.names)
-    part = "A part of what" if d.remains and d.rest > PARTIAL_EXPLANATION else "What"
+    lacks = "lacks" if any(cause_of(n) == "mechanism" for n in d.names) else "gets wrong"
+    part = "A part of what" if d.remains and d.rest > 0.25 else "What"
     names = " and ".join(cause_title(n) for n in d.names)
-    words = [f"{part} the baseline {'lacks' if physics else 'gets wrong'} is {names}{_confounded_with(d)}."]
-    words += [meaning(n) for n in d.names]
+    words = [f"{part} the baseline {lacks} is {names}{_confounded_with(d)}.", *map(meaning, d.names)]
     if d.remains and d.final is not None:
         id, missed = max(misfits(d.final).items(), key=lambda item: item[1])
-        rest = f"{100 * d.rest:.0f} % of what was wrong remains"
-        words.append(f"{rest}, in '{id}' {100 * missed:.2g} % of its maximum.")
+        worst = f"in '{id}' {100 * missed:.2g} % of its maximum"
+        words.append(f"{100 * d.rest:.0f} % of what was wrong remains, {worst}.")
     return " ".join(words)
 
 
 def _so_far(d: Discovery) -> str:
     """What is known of a search that was stopped: the best of its cuts, and what was compared."""
-    known = [c for c in d.fit.compared if c.experiment.role == "train"] if d.stopped and not d.steps else []
-    worst = max(known, key=lambda c: c.relative_rmse, default=None)
-    if worst is not None:
-        missed = f"{100 * worst.relative_rmse:.0f} % of the maximum of '{worst.experiment.id}'"
-        return f" The best of {d.fit.runs} cuts misses {missed}."
-    last = d.steps[-1].compared[:4] if d.steps else ()
-    how = {True: "", False: " by the emulator alone"}
-    tried = [f"{cause_title(c.name)} (log evidence {_evidence(c)}{how[c.computed]})" for c in last]
-    return f" Compared until then: {', '.join(tried)}." if d.stopped and tried else ""
+    if d.steps:
+        how = {True: "", False: " by the emulator alone"}
+        tried = [f"{cause_title(c.name)} (log evidence {_evidence(c)}{how[c.computed]})"
+                 for c in d.steps[-1].compared[:4]]  # fmt: skip
+        return f" Compared until then: {', '.join(tried)}." if d.stopped and tried else ""
+    known = [c for c in d.fit.compared if c.experiment.role == "train"] if d.stopped else []
+    misses = [f"{100 * c.relative_rmse:.0f} % of the maximum of '{c.experiment.id}'"
+              for c in sorted(known, key=lambda c: -c.relative_rmse)]  # fmt: skip
+    return f" The best of {d.fit.runs} cuts misses {misses[0]}." if misses else ""
 
 
 def _confounded_with(d: Discovery) -> str:
     """What the data cannot tell from the first cause, of other classes."""
     first = d.found[0]
     names = [n for n in first.group if family_of(n) != family_of(first.name) and n not in d.names]
-    others = [*(cause_title(n) for n in names), *([d.numerics.alike] if d.numerics.alike else [])]
-    if not others:
-        return ""
+    others = [*map(cause_title, names), *([d.numerics.alike] if d.numerics.alike else [])]
     it = cause_title(first.name) if len(d.found) > 1 else "it"
-    return f"; these data cannot tell {it} from {' or '.join(others)}"
+    return f"; these data cannot tell {it} from {' or '.join(others)}" if others else ""
 
 
 def misfits(fitted: Estimated) -> dict[str, float]:
@@ -158,30 +149,28 @@ def gain_sentence(d: Discovery) -> str:
     if d.held_out is None or not d.found:
         return ""
     g = d.held_out
-    where = "experiments that were not fitted" if g.how.startswith("test") else f"held-out data ({g.how})"
-    clean = d.noise_free and f" Without noise and scatter of specimens it would fall by {d.noise_free.text}."
+    where = "experiments that were not fitted" if g.how == TESTS else f"held-out data ({g.how})"
+    clean = (
+        f" Without noise and scatter of specimens it would fall by {d.noise_free.text}."
+        if d.noise_free
+        else ""
+    )
     return (
         f"On {where} the error falls from {g.baseline_rmse:.3g} to {g.extended_rmse:.3g} {_unit(g.unit)}, by"
-        f" {100 * g.gain:.0f} ± {100 * g.gain_se:.0f} %; the scatter alone makes {g.noise_floor:.2g}."
-    ) + (clean or "")
+        f" {100 * g.gain:.0f} ± {100 * g.gain_se:.0f} %; the scatter alone makes {g.noise_floor:.2g}.{clean}"
+    )
 
 
 def _unit(unit: str) -> str:
     return "of the maximum" if unit == "1" else unit
 
 
-def place_of(s: Section) -> str:
-    """Where a section lies."""
-    regime = f"{s.regime}, " if s.regime else ""
-    return f"{regime}{s.experiment.x_name} {s.range}"
-
-
 def report(d: Discovery) -> Report:
     """All that a discovery says to a person."""
-    more = " Blue: the extended model." if d.found else ""
     caption = (
         "Band: measured mean ± two standard deviations (scatter between specimens, noise, and what the mesh"
-        f" leaves open). Orange dashes: the baseline.{more} Below: measured less computed."
+        f" leaves open). Orange dashes: the baseline.{' Blue: the extended model.' if d.found else ''} Below:"
+        " measured less computed."
     )
     drawn = Picture(lambda: plot_curves(d), "curves", caption)
     ranked = [Picture(lambda: plot_ranking(d), "ranking")] if d.telling and d.telling.compared else []
@@ -290,11 +279,11 @@ def _remains(d: Discovery) -> list[str | Table]:
 
 
 def _errors(d: Discovery) -> Table:
-    gains = {"fitted tests": _train(d), "held out": None if d.held_out is None else picked(d.held_out, *GAIN)}
+    gains = {"fitted tests": _train(d), "held out": _gain(d.held_out)}
     rows = [
         (
             words + (f": {g['how']}" if "how" in g else ""),
-            *(f"{g[k]:.3g} {_unit(str(g['unit']))}" for k in GAIN[:3]),
+            *(f"{g[k]:.3g} {_unit(g['unit'])}" for k in ("baseline_rmse", "extended_rmse", "noise_floor")),
         )
         for words, g in gains.items()
         if g is not None
@@ -389,7 +378,7 @@ def to_dict(d: Discovery) -> dict:
     """Plain data with units."""
     telling = d.telling
     return {
-        "schema": SCHEMA,
+        "schema": 2,
         "title": d.campaign.title,
         "status": d.stopped or "complete",
         "verdict": d.verdict,
@@ -410,7 +399,7 @@ def to_dict(d: Discovery) -> dict:
         "remains": [_section(s) for s in d.left if s.wrong],
         "gain": {
             "train": _train(d),
-            "heldout": None if d.held_out is None else picked(d.held_out, *GAIN),
+            "heldout": _gain(d.held_out),
             "clean": None if d.noise_free is None else picked(d.noise_free, "value", "low", "high", "near"),
         },
         "next_experiment": d.next_experiment,
@@ -441,13 +430,19 @@ def to_dict(d: Discovery) -> dict:
     }  # fmt: skip
 
 
+def _gain(g: HeldOut | None) -> dict | None:
+    """What is reported of a gain."""
+    names = "baseline_rmse", "extended_rmse", "noise_floor", "unit", "gain", "gain_se", "how"
+    return None if g is None else picked(g, *names)
+
+
 def _cause(f: FoundCause) -> dict:
     """Name, kind, and what the model gained by it."""
     c = f.compared
     return {
         "name": f.name, "title": c.candidate.title, "kind": c.candidate.cause, "class": family_of(f.name),
         "log_evidence": c.evidence, "log_evidence_sd": c.evidence_sd,
-        "explains": c.explained_variance, "gain": picked(c.held_out, *GAIN),
+        "explains": c.explained_variance, "gain": _gain(c.held_out),
     }  # fmt: skip
 
 
@@ -456,8 +451,8 @@ def _ranked(s: Score, c: ComparedModel | None, found: tuple[str, ...]) -> dict:
     entry = {"mechanism": s.name, "title": candidate.title, "kind": candidate.cause, "score_z": s.z,
              "fitted": c is not None}  # fmt: skip
     if c is None:
-        values = dict(zip([q.name for q in candidate.strengths], s.strengths, strict=True))
-        shown = {q.name: _value(q, q.off_value + values[q.name], math.inf) for q in candidate.strengths}
+        first = zip(candidate.strengths, s.strengths, strict=True)
+        shown = {q.name: _value(q, q.off_value + v, math.inf) for q, v in first}
         return {**entry, "parameters": shown, "gain_heldout": None, "gain_se": None}
     return {
         **entry,
@@ -475,7 +470,7 @@ def _ranked(s: Score, c: ComparedModel | None, found: tuple[str, ...]) -> dict:
 
 def _value(q: Parameter, v: float, sd: float) -> dict:
     low, high = (-math.inf if q.low is None else q.low, math.inf if q.high is None else q.high)
-    value, reach = v / q.factor, NORMAL_QUANTILE * sd / q.factor
+    value, reach = v / q.factor, 1.96 * sd / q.factor  # 95 % of a normal distribution
     near = 1e-6 * max(abs(value), abs(q.typical) * 1e-3)
     return {
         "value": value, "unit": q.unit, "low": max(value - reach, low), "high": min(value + reach, high),
@@ -512,8 +507,9 @@ def _train(d: Discovery) -> dict | None:
         parts = d.first.at.residual[id] ** 2, d.final.at.residual[id] ** 2, block.deviation**2
         sums += [p.sum() / scale**2 for p in parts]
         count += block.deviation.size
-    errors = dict(zip(GAIN[:3], np.sqrt(sums / count), strict=True))
-    return {**errors, "unit": "1" if relative else units.pop()}
+    before, after, floor = np.sqrt(sums / count)
+    return {"baseline_rmse": before, "extended_rmse": after, "noise_floor": floor,
+            "unit": "1" if relative else units.pop()}  # fmt: skip
 
 
 def _residual(step: ComparisonRound) -> dict:

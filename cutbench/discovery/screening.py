@@ -20,8 +20,6 @@ from cutbench.discovery.candidates import Candidate
 from cutbench.homogeneous import scan
 from cutbench.run.sensitivity import Added, extended
 
-#: A derivative of a cut counts no more than what would change the largest force by so many times itself.
-MAX_RELATIVE_SLOPE = 2.0
 SensitivityParts = dict[tuple[str, int, str], np.ndarray]
 
 
@@ -56,8 +54,7 @@ def sensitivities(null: Estimated, chosen: Sequence[Candidate]) -> Sensitivities
             parts.update({(c.name, k, e.id): by for k, by in enumerate(_by_formula(null, e, c))})
         for k in range(len(c.grid)) if cuts else ():
             parts.update(_by_emulator(null, c, k, cuts))
-    of_cuts = {e.id for e in post.cuts}
-    known = {(name, k) for name, k, id in parts if id in of_cuts}
+    known = {(name, k) for name, k, id in parts if id in {e.id for e in post.cuts}}
     asked = [c for c in chosen if (c.name, len(c.grid) // 2) not in known]
     parts.update(_by_runs(null, asked))
     run = {c.name for c in asked if any(c.acts_on(e) for e in post.tests_with_runs)}
@@ -100,28 +97,22 @@ def _by_runs(null: Estimated, asked: Sequence[Candidate]) -> SensitivityParts:
     """The same by the exact derivatives of the cuts at the place that was found, with shapes in the middle of
     their grids."""
     post, p, parts = null.posterior, null.posterior.predictions, SensitivityParts()
-    cuts = [e for e in post.tests_with_runs if any(c.acts_on(e) for c in asked)]
-    if not cuts:
-        return parts
-    cases = [p.case(e, post.values(e, null.q)) for e in cuts]
-    beside: dict[str, list[tuple[Candidate, Added]]] = {}
-    for e, case in zip(cuts, cases, strict=True):
-        beside[e.id] = []
+    for e in (e for e in post.tests_with_runs if any(c.acts_on(e) for c in asked)):
+        values, beside = post.values(e, null.q), list[tuple[Candidate, Added]]()
+        case = p.case(e, values)
         for c in asked:
             with suppress(BadInput):
                 more = extended(case, c.added, c.grid[len(c.grid) // 2])
                 more = replace(more, values={**more.values, **more.model.turned(e.angle)})
                 if (added := Added(more, tuple(s.name for s in c.strengths))).shares_unknowns_with(case):
-                    beside[e.id].append((c, added))
-    # The pool has one list of laws a call, and each test's hold the sizes of its own specimen.
-    for e, case in zip(cuts, cases, strict=True):
-        (run,) = p.runs([case], (), [added for _, added in beside[e.id]])
+                    beside.append((c, added))
+        # The pool has one list of laws a call, and each test's hold the sizes of its own specimen.
+        (run,) = p.runs([case], (), [added for _, added in beside])
         if run is None:
             continue
         top = float(np.abs(null.at.y[e.id]).max())
-        for (c, _), by in zip(beside[e.id], run.by_added, strict=True):
-            sizes = {s.name: max(abs(s.typical * s.factor), 1e-12) for s in c.strengths}
-            most = {name: MAX_RELATIVE_SLOPE * top / size for name, size in sizes.items()}
-            values = post.values(e, null.q)
+        for (c, _), by in zip(beside, run.by_added, strict=True):
+            # A derivative counts no more than what would change the largest force by twice itself.
+            most = {s.name: 2.0 * top / max(abs(s.typical * s.factor), 1e-12) for s in c.strengths}
             parts[c.name, len(c.grid) // 2, e.id] = p.read_slopes(e, values, run.course, by, most)
     return parts

@@ -8,25 +8,17 @@ beyond. Where it begins, what is before and what is beyond are a process each.
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import block_diag
 from scipy.special import log_ndtr
 
 from cutbench.emulator.gaussian_process import GaussianProcess, Kernel
-
-#: A part of the usual largest force: a force below counts as it is, one above by its logarithm.
-SMALL_FORCE = 0.05
-#: A cut that did not begin begins beyond its end by this part, at the least.
-UNCUT_MARGIN = 0.01
-#: More curves than coordinates, beside the trend, before a process says anything.
-MIN_SPARE_CURVES = 3
-#: Places that differ by less are one.
-SAME_PLACE = 1e-9
-#: Groups of curves that reach equally far beyond their onsets.
-GROUPS_BY_REACH = 6
+from cutbench.emulator.settings import SETTINGS
 
 
 @dataclass(frozen=True)
@@ -53,40 +45,39 @@ class AlignedCurves:
         courses: Sequence[Course],
         x: np.ndarray,
         beyond: np.ndarray | None = None,
-        kernels: Sequence[Kernel | None] = (None, None, None),
+        kernels: Mapping[str, Kernel | None] | None = None,
     ):
-        if len(X) < X.shape[1] + 1 + MIN_SPARE_CURVES:
+        if len(X) < X.shape[1] + 1 + SETTINGS.spare:
             raise ValueError(f"{len(X)} curves are too few for {X.shape[1]} coordinates")
-        self.x, self.X, self.courses = x, X, courses
+        self.x, self.X, self.courses, known = x, X, courses, kernels or {}
         largest = [int(np.abs(c.force).argmax()) for c in courses]
         ends = np.array([(abs(c.force[i]), c.x[i]) for i, c in zip(largest, courses, strict=True)])
         self.small, self._soft = (
-            SMALL_FORCE * np.median(ends[:, 0]),
-            SMALL_FORCE * np.median(ends[:, 0] / ends[:, 1]),
+            SETTINGS.small_force * np.median(ends[:, 0]),
+            SETTINGS.small_force * np.median(ends[:, 0] / ends[:, 1]),
         )
         begun = np.isfinite([c.onset for c in courses])
-        self._onset, at = _onsets(X, courses, begun, x[-1], kernels[0])
+        self._onset, at = _onsets(X, courses, begun, x[-1], known.get("onset"))
         #: Parts of the way to the onset, and the travel beyond it.
         self.part = np.linspace(0, 1, x.size)
         self.beyond = np.linspace(0, x[-1], x.size) if beyond is None else beyond
         # What it takes to cut matters little before: force over travel is smoother than force.
         rising = np.array([_force_at(self.part[1:] * o, c) for o, c in zip(at, courses, strict=True)])
         travel = self.part[1:] * at[:, None]
-        self._before = Curves(X, np.arcsinh(rising / travel / self._soft), kernels[1])
+        self._before = Curves(X, np.arcsinh(rising / travel / self._soft), known.get("before"))
         self._after: Curves | None = None
         if self._onset is not None:
             after = [_force_at(self.beyond + o, c) for o, c, b in zip(at, courses, begun, strict=True) if b]
             # What is beyond, by that where the cut begins: so an error of that is not taken for a drop.
             there = np.arcsinh(rising[begun, -1:] / self.small)
             changes = np.arcsinh(np.array(after)[:, 1:] / self.small) - there
-            self._after = Curves(X[begun], changes, kernels[2])
+            self._after = Curves(X[begun], changes, known.get("after"))
 
     @property
-    def kernels(self) -> tuple[Kernel | None, Kernel | None, Kernel | None]:
-        """Of the onset, of what is before it and of what is beyond."""
-        parts = self._before, self._after
-        curves = [None if part is None else part.blocks[0][1].kernel for part in parts]
-        return None if self._onset is None else self._onset.kernel, curves[0], curves[1]
+    def kernels(self) -> dict[str, Kernel | None]:
+        """Of the onset, of what is before it and of what is beyond; None where too few cuts begin."""
+        parts = {"onset": self._onset, "before": self._before, "after": self._after}
+        return {name: None if part is None else part.kernel for name, part in parts.items()}
 
     def draws(
         self, places: np.ndarray, normal: Callable[[int, int], np.ndarray]
@@ -97,26 +88,28 @@ class AlignedCurves:
         sd = self._onset.spread(places, runs=True)
         onset = np.exp(np.clip(self._onset.mean(places)[:, None] + sd[:, None] * normal(0, 1).T[0], -50, 50))
         rising = self._rising(self._before.draws(places, normal), onset)
-        changes = self._after.draws(places, lambda part, r: normal(GROUPS_BY_REACH + part, r))
+        changes = self._after.draws(places, lambda part, r: normal(SETTINGS.reaches + part, r))
         return onset, rising, self._beyond(rising, changes)
 
-    def parts(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    def parts(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The likeliest of ``draws``: ``onset`` (p,), ``before`` (p, k) and ``after`` (p, m)."""
         at = self.onset(places)
         rising = self._rising(self._before.mean(places), at)
-        if self._after is None:
-            return at, rising, None
-        return at, rising, self._beyond(rising, self._after.mean(places))
+        changes = (
+            np.zeros((len(at), self.beyond.size - 1)) if self._after is None else self._after.mean(places)
+        )
+        return at, rising, self._beyond(rising, changes)
 
     def mean(self, places: np.ndarray) -> np.ndarray:
         """Forces (p, k) that are smooth in the places (p, d)."""
-        at, rising, after = self.parts(places)
-        found = np.stack([np.interp(self.x, self.part * o, f) for o, f in zip(at, rising, strict=True)])
-        if after is not None:
-            for i, o in enumerate(at):
-                there = self.x > o
-                found[i, there] = np.interp(self.x[there] - o, self.beyond, after[i])
-        return found
+        found = []
+        for o, rising, after in zip(*self.parts(places), strict=True):
+            before, beyond = (
+                np.interp(self.x, self.part * o, rising),
+                np.interp(self.x - o, self.beyond, after),
+            )
+            found.append(np.where(self.x > o, beyond, before))
+        return np.stack(found)
 
     def onset(self, places: np.ndarray) -> np.ndarray:
         """Travels (p,) at which the cuts begin at places (p, d); the last where none begins."""
@@ -132,27 +125,23 @@ class AlignedCurves:
 
     def computed(self, place: np.ndarray) -> Course | None:
         """The run at a place (d,); None where there is none."""
-        same = np.flatnonzero(np.abs(self.X - place).max(axis=1, initial=0.0) <= SAME_PLACE)
+        same = np.flatnonzero(np.abs(self.X - place).max(axis=1, initial=0.0) <= 1e-9)  # but for rounding
         return self.courses[same[0]] if same.size else None
 
-    def root(self, place: np.ndarray, runs: bool = True) -> np.ndarray:
-        """Root (k, r) of the error's covariance at a place (d,): of what a run there would give, or of the
-        smooth part."""
+    def root(self, place: np.ndarray) -> np.ndarray:
+        """Root (k, r) of the error's covariance at a place (d,): of what a run there would give."""
         (o,), (force,) = self.onset(place[None]), self.mean(place[None])
-        beyond = self.x > o
-        rising = self._before.root(place, runs)
-        parts = [_interpolated_root(self.part[1:] * o, rising, np.where(beyond, np.nan, self.x))]
-        parts[0][beyond] = rising[-1]
-        slope = np.gradient(force, self.x)
+        size = np.hypot(force, self.small)
+        along = [(self.part[1:] * o, self._before.root(place))]
+        if self._after is not None:
+            along.append((self.beyond + o, np.pad(self._after.root(place), ((1, 0), (0, 0)))))
+        # Each goes on as it ends, and is as it begins before.
+        columns = [np.interp(self.x, way, column) for way, root in along for column in root.T]
         if self._onset is not None:
-            if beyond.any() and self._after is not None:
-                after = np.where(beyond, self.x, np.nan)
-                root = np.pad(self._after.root(place, runs), ((1, 0), (0, 0)))
-                parts.append(_interpolated_root(self.beyond + o, root, after))
             # A shift of the onset takes along what is beyond, with the force that it begins at.
-            shift = self._onset.spread(place[None], runs)[0] * (np.minimum(self.x, o) * slope - force)
-            parts.append((shift / np.hypot(force, self.small))[:, None])
-        return main_parts(np.hypot(force, self.small)[:, None] * np.hstack(parts))
+            change = np.minimum(self.x, o) * np.gradient(force, self.x) - force
+            columns.append(self._onset.spread(place[None], runs=True)[0] * change / size)
+        return main_parts(size[:, None] * np.stack(columns, axis=1))
 
     def _rising(self, values: np.ndarray, onset: np.ndarray) -> np.ndarray:
         """Forces (…, k) at parts of the way to onsets (…), of values of their ratio to the travel there."""
@@ -171,14 +160,15 @@ def _onsets(
     X: np.ndarray, courses: Sequence[Course], begun: np.ndarray, end: float, kernel: Kernel | None
 ) -> tuple[GaussianProcess | None, np.ndarray]:
     """The process of the onset's logarithm, None where too few cuts begin; and all onsets (n,)."""
-    if begun.sum() < X.shape[1] + 1 + MIN_SPARE_CURVES:
+    if begun.sum() < X.shape[1] + 1 + SETTINGS.spare:
         return None, np.full(len(X), end)
     values = np.log([c.onset if b else np.nan for c, b in zip(courses, begun, strict=True)])
     process = GaussianProcess(X[begun], values[begun], kernel=kernel)
     if not begun.all():
         # Of a cut that did not begin it is known that it begins later: its logarithm is as likely as before
-        # beyond its end, and has the mean and the variance of a normal variable that is cut off there.
-        last = np.log([(1 + UNCUT_MARGIN) * c.end for c in courses])[~begun]
+        # from a hundredth beyond its end on, and has the mean and the variance of a normal variable that is
+        # cut off there.
+        last = np.log([1.01 * c.end for c in courses])[~begun]
         mean, sd = process.mean(X[~begun]), process.spread(X[~begun], runs=True)
         short = (last - mean) / sd
         hazard = np.exp(-(short**2) / 2 - log_ndtr(-short)) / math.sqrt(2 * math.pi)
@@ -203,66 +193,48 @@ class Curves:
 
     def __init__(self, X: np.ndarray, Y: np.ndarray, kernel: Kernel | None = None):
         count = np.isfinite(Y).sum(axis=0)
-        few = X.shape[1] + 1 + MIN_SPARE_CURVES
+        few = X.shape[1] + 1 + SETTINGS.spare
         last = int(np.flatnonzero(count >= min(few, count[0])).max()) + 1
         self.size = Y.shape[1]
-        levels = np.unique(np.linspace(count[0], count[last - 1], GROUPS_BY_REACH).astype(int))[::-1]
+        levels = np.unique(np.linspace(count[0], count[last - 1], SETTINGS.reaches).astype(int))[::-1]
+        stops = [int(np.flatnonzero(count[:last] >= level).max()) + 1 for level in levels]
         if kernel is None:  # of as many values as there are of curves that all have them
-            stops = {level: int(np.flatnonzero(count[:last] >= level).max()) + 1 for level in levels}
-            stop = stops[max(levels, key=lambda level: level * stops[level])]
+            stop = stops[np.argmax(levels * stops)]
             rows = np.isfinite(Y[:, stop - 1])
             kernel = GaussianProcess(X[rows], Y[rows, :stop]).kernel
-        self.blocks: list[tuple[slice, GaussianProcess]] = []
-        first = 0
+        self.kernel, self.blocks, self._X = kernel, list[GaussianProcess](), X
         weights, trend = np.zeros((len(X), self.size)), np.zeros((1 + X.shape[1], self.size))
-        for level in levels:
-            stop = int(np.flatnonzero(count[:last] >= level).max()) + 1
-            if stop <= first:
-                continue
+        for first, stop in itertools.pairwise([0, *dict.fromkeys(stops)]):
             rows = np.isfinite(Y[:, stop - 1])
             made = GaussianProcess(X[rows], Y[rows, first:stop], kernel=kernel)
-            self.blocks.append((slice(first, stop), made))
+            self.blocks.append(made)
             weights[rows, first:stop], trend[:, first:stop] = made.weights, made.trend_from_zero
-            first = stop
-        self._X, self._kernel = X, self.blocks[0][1].kernel
-        self._weights, self._trend = weights, trend
         # What is said beyond the last value is that one.
-        weights[:, first:], trend[:, first:] = weights[:, first - 1, None], trend[:, first - 1, None]
+        weights[:, last:], trend[:, last:] = weights[:, last - 1, None], trend[:, last - 1, None]
+        self._weights, self._trend = weights, trend
 
     def mean(self, places: np.ndarray) -> np.ndarray:
         """(p, m)."""
-        near = self._kernel.correlation(places, self._X)
+        near = self.kernel.correlation(places, self._X)
         return self._trend[0] + places @ self._trend[1:] + near @ self._weights
 
     def draws(self, places: np.ndarray, normal: Callable[[int, int], np.ndarray]) -> np.ndarray:
         """Values (p, s, m) that runs at places (p, d) may have; ``normal``: see ``AlignedCurves.draws``."""
         parts = []
-        for number, (_, made) in enumerate(self.blocks):
+        for number, made in enumerate(self.blocks):
             noise = normal(1 + number, made.curve_root.shape[1]) @ made.curve_root.T
             sd = made.spread(places, runs=True)
             parts.append(made.mean(places)[:, None, :] + sd[:, None, None] * noise)
         found = np.concatenate(parts, axis=2)
         return np.pad(found, ((0, 0), (0, 0), (0, self.size - found.shape[2])), mode="edge")
 
-    def root(self, place: np.ndarray, runs: bool) -> np.ndarray:
+    def root(self, place: np.ndarray) -> np.ndarray:
         """(m, r); blocks err each by itself."""
-        parts = [made.curve_root * made.spread(place[None], runs)[0] for _, made in self.blocks]
-        root = np.zeros((self.size, sum(part.shape[1] for part in parts)))
-        column = 0
-        for (where, _), part in zip(self.blocks, parts, strict=True):
-            root[where, column : column + part.shape[1]] = part
-            column += part.shape[1]
-        end = self.blocks[-1][0].stop
-        root[end:] = root[end - 1]
-        return root
+        parts = [made.curve_root * made.spread(place[None], runs=True)[0] for made in self.blocks]
+        root = block_diag(*parts)
+        return np.pad(root, ((0, self.size - len(root)), (0, 0)), mode="edge")
 
 
 def _force_at(at: np.ndarray, c: Course) -> np.ndarray:
     """The curve at travels, nan beyond its end."""
     return np.where(at <= c.x[-1] * (1 + 1e-9), np.interp(at, c.x, c.force), np.nan)
-
-
-def _interpolated_root(way: np.ndarray, root: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """``root`` (n, r), along ``way`` (n,), at the travels ``at`` (k,); 0 where these are nan."""
-    read = np.stack([np.interp(at, way, column) for column in root.T], axis=1)
-    return np.where(np.isnan(at)[:, None], 0.0, read)

@@ -19,8 +19,8 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
-from scipy.special import ndtr, ndtri
+from scipy.ndimage import minimum_filter1d
+from scipy.special import ndtr
 
 from cutbench.base.display import Displayed
 from cutbench.base.errors import BadInput
@@ -28,9 +28,10 @@ from cutbench.case.case import Case
 from cutbench.case.motion import TRANSITION as UNTIL
 from cutbench.case.values import CLAMP
 from cutbench.emulator.alignment import AlignedCurves, Course, Curves
-from cutbench.emulator.design_space import BLADES, MAX_DEPTH, OF_ALL_BLADES, SIDES, DesignSpace
+from cutbench.emulator.design_space import BLADES, COMMON, MAX_DEPTH, SIDES, DesignSpace
 from cutbench.emulator.gaussian_process import GaussianProcess, Kernel
 from cutbench.emulator.groups import Groups, is_same_value
+from cutbench.emulator.settings import SETTINGS
 from cutbench.run.measures import (
     ABRUPT,
     ABRUPT_DROP,
@@ -44,31 +45,12 @@ from cutbench.run.measures import (
     UNCUT,
 )
 
-#: Travels beyond the onset, in halves of the blade's thickness, between which curves are straight.
-TRAVELS_BEYOND_ONSET = np.array(
-    [0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.65, 0.8, 1, 1.2, 1.5, 1.8, 2.2, 2.6, 3, 3.5, 4, 4.5, 5, 6]
-)
-#: Parts of the way to the onset.
-INTERVALS_TO_ONSET = 24
 #: The blade's thickness, in halves of it: the window of a drop.
 DROP_WINDOW = 2.0
-#: Places within the travel over which a drop's forces are blurred; a curve is bent so often to have its drop.
-PLACES_OF_BLUR, BENDINGS = 20, 3
-#: η v/a below which viscosity hardly matters.
-SMALL_VISCOSITY = 0.05
-#: τ_W/G below which adhesion hardly deforms the gel.
-SMALL_ADHESION = 0.2
-#: Where the work is told apart by mechanism: parts of the way to the onset, and travels beyond.
-WORK_FRACTIONS, WORK_TRAVELS = np.array([0.2, 0.5, 0.8, 1.0]), np.array([1.0, 3.0, 6.0, 10.0, 20.0])
-#: Curves that are drawn, and the level of intervals.
-DRAWS, LEVEL = 200, 0.9
-NORMAL_QUANTILE = float(ndtri((1 + LEVEL) / 2))
-#: Number of the random draw of the steady force; curves have those before.
-OF_STEADY = 100
 #: What an estimate has intervals of, and their units.
 MEASURES = {"onset_mm": "mm", "peak_N": "N", "drop": "", "steady_N": "N"}
-#: The processes of the curves, and the measures that have one of their own.
-CURVES, MEASURES_WITH_PROCESS = ("onset", "before", "after"), ("peak", "drop", "steady", "slope")
+#: The measures that have a process of their own beside those of the curves.
+MEASURES_WITH_PROCESS = ("peak", "drop", "steady", "slope")
 
 
 class NotInAtlas(BadInput):
@@ -177,9 +159,9 @@ class Estimate(Displayed):
         list of (str, str)
             Name and text.
         """
-        found = [("verdict", self.sentence())]
-        for name, unit in MEASURES.items():
-            found.append((name.removesuffix(f"_{unit}"), f"{getattr(self, name):.3g} {unit}".strip()))
+        measures = [(name.removesuffix(f"_{unit}"), f"{getattr(self, name):.3g} {unit}".strip())
+                    for name, unit in MEASURES.items()]  # fmt: skip
+        found = [("verdict", self.sentence()), *measures]
         if self.verdict == UNCUT and (held := held_by_friction(self.case)):
             found.append(("friction", held))
         far, groups = self.nearest[0]
@@ -210,6 +192,29 @@ class Measures:
         mean, sd = self.drop.T
         return (mean - math.sqrt(drop)) / sd
 
+    def chances(self, depths: np.ndarray) -> dict[str, np.ndarray]:
+        """Probabilities (p,) of the regimes of cuts to depths (p,), in sum 1."""
+        uncut = self.uncut(depths)
+        abrupt = (1 - uncut) * ndtr(self.falls(ABRUPT_DROP))
+        return {ABRUPT: abrupt, SMOOTH: 1 - uncut - abrupt, UNCUT: uncut}
+
+    def intervals(self, ends: np.ndarray, half: Any, force: Any, precut: Any) -> dict[str, np.ndarray]:
+        """What ``MEASURES`` names, each as value, low and high end (3, p), nan where a cut has none of it.
+        With the ends (p,) of the runs; numbers or (p,): units of length and force, slits before the cut."""
+        onset = self.onset[:, 0]
+        cut, long = np.exp(onset) < ends, ends - np.exp(onset) > (SETTLED + 1) * DROP_WINDOW
+        falls = (self.drop[:, 0] ** 2 > PROMINENCE) & (np.asarray(precut) == 0)
+        found = {}
+        for name, unit, there in (
+            ("onset_mm", half, cut), ("peak_N", force, cut & falls), ("drop", 1.0, cut),
+            ("steady_N", force, cut & long),
+        ):  # fmt: skip
+            mean, sd = getattr(self, name.partition("_")[0]).T
+            normal = mean + SETTINGS.quantile * np.array([[0], [-1], [1]]) * sd
+            value = np.clip(normal, 0, 1) ** 2 if name == "drop" else np.exp(normal) * unit
+            found[name] = np.where(there, value, np.nan)
+        return found
+
 
 class Atlas:
     """An atlas holds runs over ranges of dimensionless groups, and says what lies between them. With
@@ -227,23 +232,24 @@ class Atlas:
     ):
         self.groups, self.courses, self.measured = groups, courses, measured
         self.cumulative_work, self.wider, self.about = cumulative_work or {}, wider or {}, about or {}
-        known = kernels or {}
-        self.X = self.coordinates(groups)
-        rise = np.linspace(0, MAX_DEPTH, INTERVALS_TO_ONSET + 1)
-        of_curves = [known.get(name) for name in CURVES]
-        self.curves = AlignedCurves(self.X, courses, rise, TRAVELS_BEYOND_ONSET, of_curves)
+        self.X, known = self.coordinates(groups), kernels or {}
+        rise = np.linspace(0, MAX_DEPTH, SETTINGS.intervals + 1)
+        self.curves = AlignedCurves(self.X, courses, rise, np.array(SETTINGS.travels), known)
         onsets, ends = (np.array([getattr(c, n) for c in courses]) for n in ("onset", "end"))
         self._own = {}
         for name in MEASURES_WITH_PROCESS:
-            values = self._normal_variable(name, measured[name], groups, onsets, ends)
+            usual, values = self._usual(name, groups, onsets, ends), measured[name]
+            with np.errstate(invalid="ignore", divide="ignore"):
+                logarithm = np.log(np.where(values > 0, values, np.nan)) - np.log(usual)
+            # What is normal of a measure: see Measures.
+            values = np.sqrt(values) if name == "drop" else values / usual if name == "slope" else logarithm
             there = np.isfinite(values)
             self._own[name] = GaussianProcess(self.X[there], values[there], kernel=known.get(name))
 
     @property
     def kernels(self) -> dict[str, Kernel | None]:
         """The kernels of all processes, by name."""
-        of_curves = dict(zip(CURVES, self.curves.kernels, strict=True))
-        return of_curves | {name: made.kernel for name, made in self._own.items()}
+        return self.curves.kernels | {name: made.kernel for name, made in self._own.items()}
 
     @classmethod
     def read(cls, file: Any, *, fitted: bool = True) -> Atlas:
@@ -280,11 +286,12 @@ class Atlas:
     def coordinates(self, values: np.ndarray) -> np.ndarray:
         """Places (n, d) of rows of groups."""
         by_name = self._by_name(values)
-        columns = {n: SIDES[i].coordinate(by_name[n]) for i, n in enumerate(by_name) if n in OF_ALL_BLADES}
-        # How fast a blade opens the cut is a matter of its own width: η v/a is smoother than η v/δ_c.
-        columns["viscosity"] = np.arcsinh(by_name["viscosity"] * by_name["delta_c"] / SMALL_VISCOSITY)
-        # What adheres deforms the gel: τ_W/G.
-        columns["adhesion"] = np.arcsinh(by_name["adhesion"] * by_name["cohesion"] / SMALL_ADHESION)
+        columns = {side.name: side.coordinate(by_name[side.name]) for side in COMMON}
+        # How fast a blade opens the cut is a matter of its own width: η v/a is smoother than η v/δ_c, and
+        # hardly matters below a twentieth.
+        columns["viscosity"] = np.arcsinh(by_name["viscosity"] * by_name["delta_c"] / 0.05)
+        # What adheres deforms the gel: τ_W/G, hardly below a fifth.
+        columns["adhesion"] = np.arcsinh(by_name["adhesion"] * by_name["cohesion"] / 0.2)
         # Blades of all kinds are told apart by what they share, a radius of the edge and a length over which
         # they widen, and by which kind they are; a slit, which they fall into, is of a kind, too.
         ellipse, wedge = np.isfinite(by_name["tip"]), np.isfinite(by_name["angle"])
@@ -299,31 +306,22 @@ class Atlas:
     def _by_name(self, values: np.ndarray) -> dict[str, np.ndarray]:
         return dict(zip([side.name for side in SIDES], values.T, strict=True))
 
-    def _normal_variable(
-        self, name: str, value: np.ndarray, groups: np.ndarray, onset: np.ndarray, depth: np.ndarray
-    ) -> np.ndarray:
-        """What is normal of a measure."""
-        if name == "drop":
-            return np.sqrt(value)
-        usual = onset if name == "peak" else self._steady_cutting_force(groups, onset, depth)
-        if name == "slope":
-            return value / usual
-        with np.errstate(invalid="ignore", divide="ignore"):
-            return np.log(np.where(value > 0, value, np.nan)) - np.log(usual)
+    def _usual(self, name: str, groups: np.ndarray, onset: np.ndarray, depth: np.ndarray) -> np.ndarray:
+        """About what (n,) a measure is: of the peak, the force that rises with the travel to the onset; of
+        what is steady, the force that cutting at a steady pace takes (Atkins 2009, The Science and
+        Engineering of Cutting): the toughness with its viscous part, and adhesion along both faces, at the
+        middle of the travel where it is measured."""
+        if name in ("peak", "drop"):
+            return onset if name == "peak" else np.ones(len(onset))
+        g = self._by_name(groups)
+        toughness = g["cohesion"] * g["delta_c"] * (1 + g["viscosity"])
+        return toughness + g["adhesion"] * g["cohesion"] * self._middle(groups, onset, depth)
 
     def _middle(self, groups: np.ndarray, onset: np.ndarray, depth: np.ndarray) -> np.ndarray:
         """The middle (n,) of the travel over which a force counts as steady."""
         end = np.minimum(depth, self._by_name(groups)["height"] - CLAMP * DROP_WINDOW)
         start = np.maximum((1 - TAIL) * end, onset + SETTLED * DROP_WINDOW)
         return (start + np.maximum(end, start)) / 2
-
-    def _steady_cutting_force(self, groups: np.ndarray, onset: np.ndarray, depth: np.ndarray) -> np.ndarray:
-        """Force (n,) that cutting at a steady pace takes about (Atkins 2009, The Science and Engineering of
-        Cutting): the toughness with its viscous part, and adhesion along both faces, at the middle of the
-        travel where it is measured."""
-        g = self._by_name(groups)
-        toughness = g["cohesion"] * g["delta_c"] * (1 + g["viscosity"])
-        return toughness + g["adhesion"] * g["cohesion"] * self._middle(groups, onset, depth)
 
     def _widening(self, name: str, groups: np.ndarray) -> np.ndarray:
         """By what intervals (n,) are wider than the processes say, for each kind of blade."""
@@ -343,11 +341,8 @@ class Atlas:
             made = self._own[name]
             mean = made.mean(places)
             sd = self._widening(name, groups) * (made.spread(places, runs=True) if spread else 0.0)
-            if name == "slope":
-                usual = self._steady_cutting_force(groups, at, depths)
-                mean, sd = mean * usual, sd * usual
-            elif name != "drop":
-                mean = mean - self._normal_variable(name, np.ones(len(at)), groups, at, depths)
+            usual = self._usual(name, groups, at, depths)
+            mean, sd = (mean * usual, sd * usual) if name == "slope" else (mean + np.log(usual), sd)
             if name == "peak":
                 sd = np.hypot(sd, onset[:, 1])  # the force rises with the travel to the onset
             found[name] = np.stack([mean, sd], axis=1)
@@ -355,25 +350,22 @@ class Atlas:
 
     def estimate(self, case: Case) -> Estimate:
         """Estimate what a run of a case would give. Raises NotInAtlas."""
-        groups, units = np.array([values_of(case)]), Groups.of(case)
-        assert units is not None, "of the atlas' model"
-        half, force = units.length(case.values), units.force(case.values)
-        depth = depth_of(case)
+        groups, (_, units) = np.array([values_of(case)]), space_of(case)
+        half, force, depth = units.length(case.values), units.force(case.values), depth_of(case)
         m, place = self.measures(groups, np.array([depth])), self.coordinates(groups)
-        (uncut,), (abrupt,) = chances(m, np.array([depth]))
-        cut = uncut < 0.5
-        end = float(np.exp(m.onset[0, 0])) + (KNOWN if case.until == UNTIL else math.inf) * DROP_WINDOW
-        x = np.linspace(0, min(depth, end), 161)
+        onset = float(np.exp(m.onset[0, 0]))
+        end = min(depth, onset + (KNOWN if case.until == UNTIL else math.inf) * DROP_WINDOW)
+        x = np.linspace(0, end, 161)
         low, middle, high = force * self.band(groups, m, x)
-        whole = cut and end > depth and depth - math.exp(m.onset[0, 0]) > (SETTLED + 1) * DROP_WINDOW
-        onset, peak, drop, steady = (getattr(m, n)[0] for n in ("onset", "peak", "drop", "steady"))
+        found = m.intervals(np.array([end]), half, force, case.values["precut"]).items()
+        kernel = self.curves.kernels["onset"]
+        assert kernel is not None, "enough cuts begin"
+        far = kernel.distances(place, self.X)[0]
         return Estimate(
-            case, x * half, middle, low, high,
-            _interval(onset, half, cut),
-            _interval(peak, force, cut and drop[0] ** 2 > PROMINENCE and not case.values["precut"]),
-            _interval(drop, 1.0, cut, root=True), _interval(steady, force, whole),
-            {ABRUPT: float(abrupt), SMOOTH: float(1 - uncut - abrupt), UNCUT: float(uncut)},
-            self._shares(place, x, float(np.exp(onset[0]))), self._nearest(place),
+            case, x * half, middle, low, high, **{n: Interval(*each[:, 0].tolist()) for n, each in found},
+            chances={n: float(each[0]) for n, each in m.chances(np.array([depth])).items()},
+            work=self._shares(place, x, onset),
+            nearest=tuple((float(far[i]), named(self.groups[i])) for i in np.argsort(far)[:3]),
         )  # fmt: skip
 
     def drawn(self, groups: np.ndarray, m: Measures, x: np.ndarray) -> np.ndarray:
@@ -381,14 +373,15 @@ class Atlas:
         measures ``m``. With ``groups`` (1, d)."""
 
         def normal(part: int, r: int) -> np.ndarray:
-            half = np.random.default_rng(part).standard_normal((DRAWS // 2, r))
+            half = np.random.default_rng(part).standard_normal((SETTINGS.draws // 2, r))
             drawn = self._widening("curve", groups)[0] * np.concatenate([half, -half])
             return np.concatenate([np.zeros((1, r)), drawn])  # the first is the mean
 
         drawn = self.curves.draws(self.coordinates(groups), normal)
         onset, before, after = (each[0] for each in drawn)
-        levels, slopes = (getattr(m, n)[0] @ [np.ones(DRAWS + 1), normal(part, 1)[:, 0]]
-                          for part, n in ((OF_STEADY, "steady"), (OF_STEADY + 1, "slope")))  # fmt: skip
+        # Curves have the first numbers of random draws.
+        levels, slopes = (getattr(m, n)[0] @ [np.ones(len(onset)), normal(part, 1)[:, 0]]
+                          for part, n in ((100, "steady"), (101, "slope")))  # fmt: skip
         # All are bent as the mean is.
         after = after * (_falling(onset[:1], before[:1], after[:1], m.drop[:, 0]) / after[0])
         middle = np.broadcast_to(m.middle, onset.shape)
@@ -398,33 +391,22 @@ class Atlas:
         """Compute the force along the travel that has the measures ``m``, and its 90 % interval. With
         ``groups`` (1, d), ``x`` (k,); gives low, middle and high (3, k)."""
         curves = self.drawn(groups, m, x)
-        ends = np.quantile(curves[1:], [(1 - LEVEL) / 2, (1 + LEVEL) / 2], axis=0)
+        ends = np.quantile(curves[1:], [(1 - SETTINGS.level) / 2, (1 + SETTINGS.level) / 2], axis=0)
         return np.array([np.minimum(ends[0], curves[0]), curves[0], np.maximum(ends[1], curves[0])])
 
     def forces(self, groups: np.ndarray, m: Measures, x: np.ndarray) -> np.ndarray:
         """Compute the forces (p, k) that have the measures ``m``, at travels of their own. With ``groups``
         (p, d), ``x`` (p, k)."""
         onset, before, after = self.curves.parts(self.coordinates(groups))
-        assert after is not None, "enough cuts begin"
         falling = _falling(onset, before, after, m.drop[:, 0])
         return joined(x, onset, before, falling, m.steady[:, 0], m.slope[:, 0], m.middle)
 
-    def _nearest(self, place: np.ndarray, count: int = 3) -> tuple[tuple[float, Mapping[str, float]], ...]:
-        kernel = self.curves.kernels[0]
-        assert kernel is not None
-        far = kernel.distances(place, self.X)[0]
-        return tuple((float(far[i]), named(self.groups[i])) for i in np.argsort(far)[:count])
-
     def _shares(self, place: np.ndarray, x: np.ndarray, onset: float) -> dict[str, np.ndarray]:
         """By mechanism, the part (k,) of the work until travels (k,)."""
-        if not self.cumulative_work:
-            return {}
         shares = np.maximum(self._work.mean(place)[0].reshape(-1, len(self.cumulative_work)), 0.0)
         shares /= shares.sum(axis=1, keepdims=True)
-        stations = np.concatenate([onset * WORK_FRACTIONS, onset + WORK_TRAVELS])
-        return {
-            n: np.interp(x, stations, share) for n, share in zip(self.cumulative_work, shares.T, strict=True)
-        }
+        at = stations(onset)
+        return {n: np.interp(x, at, share) for n, share in zip(self.cumulative_work, shares.T, strict=True)}
 
     @cached_property
     def _work(self) -> Curves:
@@ -433,23 +415,22 @@ class Atlas:
         for run, course in enumerate(self.courses):
             works = np.stack([each[run] for each in self.cumulative_work.values()], axis=1)
             onset = course.onset if math.isfinite(course.onset) else course.x[-1]
-            at = np.concatenate([onset * WORK_FRACTIONS, onset + WORK_TRAVELS])
+            at = stations(onset)
             taken = np.stack([np.interp(at, course.x, w) for w in works.T], axis=1)
             taken /= taken.sum(axis=1, keepdims=True)
             taken[at > course.x[-1] * (1 + 1e-9)] = np.nan
             rows.append(taken.ravel())
-        return Curves(self.X, np.array(rows), self.curves.kernels[1])
+        return Curves(self.X, np.array(rows), self.curves.kernels["before"])
+
+
+def stations(onset: float) -> np.ndarray:
+    """The travels at which the work is told apart by mechanism: parts of the way to the onset, and beyond."""
+    return np.append(onset * np.array([0.2, 0.5, 0.8, 1.0]), onset + np.array([1.0, 3.0, 6.0, 10.0, 20.0]))
 
 
 def depth_of(case: Case) -> float:
     """How deep a case cuts, in halves of the blade's thickness, as far as the atlas goes."""
     return min(case.values["depth"] / (case.values["thickness"] / 2), MAX_DEPTH)
-
-
-def chances(m: Measures, depths: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Probabilities (p,) that nothing is cut within depths (p,), and that the cut is abrupt."""
-    uncut = m.uncut(depths)
-    return uncut, (1 - uncut) * ndtr(m.falls(ABRUPT_DROP))
 
 
 def named(row: np.ndarray) -> dict[str, float]:
@@ -463,14 +444,13 @@ def row_of(space: DesignSpace, values: Sequence[Any]) -> list[Any]:
     return [known.get(side.name, math.nan) for side in SIDES]
 
 
-def space_of(case: Case) -> DesignSpace:
-    """The design space of a case's blade and model. Raises NotInAtlas where there is none."""
+def space_of(case: Case) -> tuple[DesignSpace, Groups]:
+    """The design space of a case's blade and model, and its units. Raises NotInAtlas where there is none."""
     tool = case.model.tool
     if tool is None or tool.name not in BLADES:
         raise NotInAtlas("mechanisms", tool.name if tool else "none", f"a blade of {', '.join(BLADES)}")
     space = BLADES[tool.name]
-    base = space.base
-    of = space.parameters
+    base, of = space.base, space.parameters
     # A side that begins at 0 does so where a law has no effect: a case may lack it.
     switched = {of[s.name] for s in space.ranges if s.low == 0}
     strange = [law.name for law in case.model.all if law.name not in base.mechanisms]
@@ -490,13 +470,12 @@ def space_of(case: Case) -> DesignSpace:
         if name not in {*of.values(), units.modulus} and not is_same_value(value, at_base[name]):
             q = base.model.parameters()[name]
             raise NotInAtlas(name, q.show(case.values[name]), f"{q.show(base.values[name])}, as in the atlas")
-    return space
+    return space, units
 
 
 def values_of(case: Case, *, checked: bool = True) -> list[float]:
     """The row of a case, of whatever size. Raises NotInAtlas where a ``checked`` one lies outside."""
-    space, units = space_of(case), Groups.of(case)
-    assert units is not None, "of the atlas' model"
+    space, units = space_of(case)
     found = [float(v) for v in space.of_values(units, case.model, case.values)]
     for side, value in space.beyond(found) if checked else ():
         raise NotInAtlas(*space.outside(side, value, case))
@@ -535,7 +514,7 @@ def _through(beyond: np.ndarray, onset: np.ndarray, rising: np.ndarray, later: n
     blade touches. With ``onset`` (p,), ``rising`` (p, n), ``later`` (p, m)."""
     onset = onset[:, None]
     part = np.clip(1 + beyond / onset, 0.0, 1.0) * (rising.shape[1] - 1)
-    knots = np.interp(beyond, TRAVELS_BEYOND_ONSET, np.arange(TRAVELS_BEYOND_ONSET.size))
+    knots = np.interp(beyond, SETTINGS.travels, np.arange(len(SETTINGS.travels)))
     return np.where(beyond <= 0, _at(rising, part), _at(later, knots))
 
 
@@ -555,32 +534,21 @@ def joined(
 def _falling(onset: np.ndarray, rising: np.ndarray, later: np.ndarray, root_drop: np.ndarray) -> np.ndarray:
     """Curves (p, m) beyond their onsets, whose falls are made larger or smaller until they fall by a drop,
     ``root_drop`` (p,), much as ``cutbench.run.measures`` has it."""
-    spacing = BLUR * DROP_WINDOW / PLACES_OF_BLUR
-    window, half = round(DROP_WINDOW / spacing), PLACES_OF_BLUR // 2
+    spacing = BLUR * DROP_WINDOW / SETTINGS.blurs
+    window, half = round(DROP_WINDOW / spacing), SETTINGS.blurs // 2
     beyond = spacing * np.arange(-window - half, round(KNOWN * window) + 1)
     counts = (beyond <= TRANSITION * DROP_WINDOW)[half:-half]
     there = np.broadcast_to(beyond, (len(onset), beyond.size))
     highest, part, found = np.maximum.accumulate(later, axis=1), np.ones((len(onset), 1)), later
-    for _ in range(BENDINGS):
+    for _ in range(SETTINGS.bendings):
         force = _through(there, onset, rising, found)
-        total = np.cumsum(force[:, 1:] + force[:, :-1], axis=1) / (2 * PLACES_OF_BLUR)
+        total = np.cumsum(force[:, 1:] + force[:, :-1], axis=1) / (2 * SETTINGS.blurs)
         total = np.pad(total, ((0, 0), (1, 0)))
         mean = total[:, 2 * half :] - total[:, : -2 * half]
-        ahead = np.pad(mean, ((0, 0), (0, window)), mode="edge")
-        low = sliding_window_view(ahead, window + 1, axis=1).min(axis=2)
+        low = minimum_filter1d(mean, window + 1, axis=1, mode="nearest", origin=-(window // 2))
         seen = counts & (mean > 0)
         falls = np.max(np.divide(mean - low, mean, out=np.zeros_like(mean), where=seen), axis=1)[:, None]
         wanted = np.maximum(root_drop[:, None], 0.0) ** 2
         part = part * np.divide(wanted, falls, out=np.ones_like(falls), where=falls > 0)
         found = np.maximum(highest + part * (later - highest), 0.0)
     return found
-
-
-def _interval(normal: np.ndarray, unit: float, there: bool, root: bool = False) -> Interval:
-    """Of the mean and the standard deviation of a logarithm, or of a ``root``."""
-    if not there:
-        return Interval(math.nan, math.nan, math.nan)
-    mean, sd = normal
-    low, middle, high = mean - NORMAL_QUANTILE * sd, mean, mean + NORMAL_QUANTILE * sd
-    back = (lambda v: min(max(v, 0.0) ** 2, 1.0)) if root else math.exp
-    return Interval(*(unit * back(v) for v in (middle, low, high)))

@@ -10,12 +10,9 @@ import numpy as np
 from cutbench.case.case import Case
 from cutbench.emulator.alignment import main_parts
 from cutbench.emulator.atlas import row_of, shipped, space_of
-from cutbench.emulator.database import TRAVEL_POINTS, Emulator, OutOfRange
+from cutbench.emulator.database import Emulator, OutOfRange
 from cutbench.emulator.groups import Groups
-
-#: Part of a side as far as which the atlas speaks of given sizes that lie beyond it: of a specimen ten
-#: thicknesses of its blade high.
-BEYOND = 0.3
+from cutbench.emulator.settings import SETTINGS
 
 
 class AtlasCuts(Emulator):
@@ -27,7 +24,7 @@ class AtlasCuts(Emulator):
     """
 
     def __init__(self, plain: Case, cases: Sequence[Case], free: Collection[str]):
-        groups, self._space = Groups.of(cases[0]), space_of(plain)
+        groups, (self._space, _) = Groups.of(cases[0]), space_of(plain)
         assert groups is not None, "of the atlas' model"
         self.groups, self.model = groups, cases[0].model
         self._equal, others = self.equal_laws(cases[0])
@@ -42,9 +39,9 @@ class AtlasCuts(Emulator):
             raise ValueError(f"no run tells what {', '.join(silent)} does")
         # Errors grow beyond the atlas, and a search ends there: only sizes that are given may lie beyond.
         searched = {*free, of["cohesion"], of["viscosity"]}
-        self._margins = {name: BEYOND for name, q in of.items() if q not in searched}
+        self._margins = {name: SETTINGS.beyond for name, q in of.items() if q not in searched}
         ends = [c.values["depth"] / groups.length(c.values) for c in cases]
-        self.x = np.linspace(0.0, max(ends), TRAVEL_POINTS + 1)
+        self.x = np.linspace(0.0, max(ends), SETTINGS.points + 1)
 
     def forces(self, each: Sequence[Mapping[str, float]]) -> np.ndarray:
         rows, depths = self._rows(each)

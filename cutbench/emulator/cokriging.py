@@ -15,19 +15,11 @@ import numpy as np
 from cutbench.case.case import Case
 from cutbench.case.model import Model
 from cutbench.emulator.alignment import AlignedCurves, Course
-from cutbench.emulator.atlas import TRAVELS_BEYOND_ONSET, row_of, shipped, space_of
-from cutbench.emulator.database import (
-    TRAVEL_POINTS,
-    CutEmulator,
-    Run,
-    values_as_model,
-)
+from cutbench.emulator.atlas import row_of, shipped, space_of
+from cutbench.emulator.database import CutEmulator, Run, values_as_model
 from cutbench.emulator.gaussian_process import Kernel
 from cutbench.emulator.groups import Coordinate, Groups, is_same_value
-
-#: Lengths along which runs of one's own and the atlas' are told apart, and along which what the atlas has not
-#: changes curves, in ranges of the runs.
-LENGTH_OF_SOURCE, LENGTH_OF_NEW = 1e3, 3.0
+from cutbench.emulator.settings import SETTINGS
 
 
 class CokrigedCuts(CutEmulator):
@@ -45,8 +37,8 @@ class CokrigedCuts(CutEmulator):
         free: Collection[str],
         curves: dict[tuple, AlignedCurves],
     ):
-        first, self._space, atlas = cases[0], space_of(plain), shipped()
-        groups = Groups.of(first)
+        first, atlas = cases[0], shipped()
+        groups, (self._space, _) = Groups.of(first), space_of(plain)
         assert groups is not None, "of the atlas' model"
         self.groups, self.model = groups, first.model
         self._equal, other_words = self.equal_laws(first)
@@ -54,7 +46,7 @@ class CokrigedCuts(CutEmulator):
         new = [n for n in groups.powers if n in free and n not in held]
         self._new = [Coordinate.of(self.model.parameters()[n], groups, first.values) for n in new]
         ends = [c.values["depth"] / groups.length(c.values) for c in cases]
-        self.x = np.linspace(0.0, max(ends), TRAVEL_POINTS + 1)
+        self.x = np.linspace(0.0, max(ends), SETTINGS.points + 1)
         known, asked = [], self._reduced(first.values)
         fixed = [n for n in groups.powers if n not in free and n not in held]
         for run in runs:
@@ -83,10 +75,14 @@ class CokrigedCuts(CutEmulator):
         self._source = atlas.X.shape[1]
         key = tuple(c.name for c in self._new), X.tobytes(), float(self.x[-1])
         if key not in curves:
-            lengths = LENGTH_OF_SOURCE, *(LENGTH_OF_NEW * np.ptp(X[:, self._source + 1 :], axis=0))
-            kernels = [k and Kernel((*k.lengths, *lengths), k.nugget) for k in atlas.curves.kernels]
-            beyond = np.arange(TRAVELS_BEYOND_ONSET[-1] + 1, max(self.x[-1], 8.0))
-            beyond = np.concatenate([TRAVELS_BEYOND_ONSET, beyond])
+            # Whose a run is makes but a trend, and so, nearly, does what the atlas has not.
+            lengths = 1e3, *(3.0 * np.ptp(X[:, self._source + 1 :], axis=0))
+            kernels = {
+                name: k and Kernel((*k.lengths, *lengths), k.nugget)
+                for name, k in atlas.curves.kernels.items()
+            }
+            near = SETTINGS.travels
+            beyond = np.append(near, np.arange(near[-1] + 1, max(self.x[-1], near[-1] + 2)))
             curves[key] = AlignedCurves(X, courses, self.x, beyond, kernels)
         self.curves = curves[key]
         self._own_count = len(known)

@@ -12,15 +12,11 @@ import numpy as np
 from cutbench.base.errors import BadInput
 from cutbench.case.case import Case
 from cutbench.case.model import Model
-from cutbench.emulator.alignment import MIN_SPARE_CURVES, AlignedCurves, Course
+from cutbench.emulator.alignment import AlignedCurves, Course
 from cutbench.emulator.groups import Coordinate, Groups, is_same_value
+from cutbench.emulator.settings import SETTINGS
 from cutbench.mechanisms import registry
 from cutbench.mechanisms.base import Mechanism
-
-#: Beyond the range of the known runs by more than this part of it nothing is said.
-EXTRAPOLATION = 0.25
-#: Travels at which curves are said.
-TRAVEL_POINTS = 80
 
 
 class OutOfRange(Exception):
@@ -106,10 +102,8 @@ class Emulator:
     def _with_equal_laws_replaced(self, values: Mapping[str, float]) -> Mapping[str, float]:
         """``values`` as a model without the laws that do what another value does has them."""
         for law in self._equal:
-            on = any(
-                q.off is not None and values.get(q.name, q.off_value) != q.off_value for q in law.parameters
-            )
-            if on:
+            strengths = (q for q in law.parameters if q.off is not None)
+            if any(values.get(q.name, q.off_value) != q.off_value for q in strengths):
                 values = {**values, **law.like(self.model.namespace(values))}
         return values
 
@@ -147,10 +141,9 @@ class CutEmulator(Emulator):
         runs: Sequence[Run],
         cases: Sequence[Case],
         free: Collection[str],
-        curves: dict[tuple, AlignedCurves] | None = None,
+        curves: dict[tuple, AlignedCurves],
     ):
-        first = cases[0]
-        groups = Groups.of(first)
+        first, groups = cases[0], Groups.of(cases[0])
         alike = all((c.mechanisms, c.motion) == (first.mechanisms, first.motion) for c in cases)
         if groups is None or not alike:
             raise ValueError("no units")
@@ -163,11 +156,10 @@ class CutEmulator(Emulator):
         asked = [self._reduced(c.values) for c in cases]
         # Runs that differ in anything else, as those of other candidates do, say little of these.
         may_differ = {
-            n for n in groups.powers if any(not is_same_value(a[n], asked[0][n]) for a in asked)
-        } | {*free}
-        if groups.modulus in free:
-            may_differ |= {n for n, (force, _, _) in groups.powers.items() if force}
-        may_differ = may_differ & {*groups.powers} - other_words
+            n for n, (force, *_) in groups.powers.items()
+            if n in free or (force and groups.modulus in free)
+            or any(not is_same_value(a[n], asked[0][n]) for a in asked)
+        } - other_words  # fmt: skip
         known: list[tuple[Run, dict[str, float], Mapping[str, float]]] = []
         for run in runs:
             own = values_as_model(run.case, first)
@@ -177,51 +169,25 @@ class CutEmulator(Emulator):
             fixed = (n for n in seen if n not in may_differ | other_words)
             if all(any(is_same_value(seen[n], a[n]) for a in asked) for n in fixed):
                 known.append((run, seen, values))
-        told = [seen for _, seen, _ in known]
-        self.coordinates, columns = self._coordinates_of(
-            may_differ, free - other_words - {groups.modulus, "thickness"}, asked, told, first
-        )
-        if len(known) < len(self.coordinates) + 1 + MIN_SPARE_CURVES:
+        along = [
+            Coordinate.of(first.model.parameters()[n], groups, first.values)
+            for n in asked[0]
+            if n in may_differ
+        ]
+        told = free - other_words - {groups.modulus, "thickness"}
+        self.coordinates, columns = _independent(along, told, asked, [seen for _, seen, _ in known])
+        if len(known) < len(self.coordinates) + 1 + SETTINGS.spare:
             raise ValueError("too few runs")
         courses = [
             Course(run.x / groups.length(v), run.force / groups.force(v), run.onset_mm / groups.length(v))
             for run, _, v in known
         ]
-        self.x = np.linspace(0.0, max(ends), TRAVEL_POINTS + 1)
-        made, X = {} if curves is None else curves, np.stack(columns, axis=1)
+        self.x = np.linspace(0.0, max(ends), SETTINGS.points + 1)
+        X = np.stack(columns, axis=1)
         key = tuple(c.name for c in self.coordinates), X.tobytes(), float(self.x[-1])
-        if key not in made:
-            made[key] = AlignedCurves(X, courses, self.x)
-        self.curves = made[key]
-
-    @staticmethod
-    def _coordinates_of(
-        may_differ: Collection[str],
-        free: Collection[str],
-        asked: Sequence[Mapping[str, float]],
-        known: Sequence[Mapping[str, float]],
-        case: Case,
-    ) -> tuple[list[Coordinate], list[np.ndarray]]:
-        """The coordinates along which cuts differ, and those of the known runs (n,) along each."""
-        groups, parameters = Groups.of(case), case.model.parameters()
-        assert groups is not None, "asked before"
-        coordinates: list[Coordinate] = []
-        columns: list[np.ndarray] = []
-        for name in (n for n in asked[0] if n in may_differ):
-            coordinate = Coordinate.of(parameters[name], groups, case.values)
-            column = coordinate.of_values(np.array([seen[name] for seen in known]))
-            has, there = np.isfinite(column), coordinate.of_values(np.array([a[name] for a in asked]))
-            column = np.where(has, column, np.mean(column[has]) if has.any() else there[0])
-            every = np.append(column, there)
-            alike = np.ptp(every) <= 1e-9 * max(np.abs(every).max(), 1.0)
-            if np.ptp(column) == 0 and (name in free or not alike):
-                raise ValueError(f"no run tells what {name} does")
-            if alike:
-                continue
-            if not any(_collinear(column, other) for other in columns):
-                coordinates.append(coordinate)
-                columns.append(column)
-        return coordinates, columns
+        if key not in curves:
+            curves[key] = AlignedCurves(X, courses, self.x)
+        self.curves = curves[key]
 
     def _reduced(self, values: Mapping[str, float]) -> dict[str, float]:
         return self.groups.reduced(self._with_equal_laws_replaced(values))
@@ -241,13 +207,12 @@ class CutEmulator(Emulator):
             return None
         return found.x * self.groups.length(values), found.force * self._units([values])[0]
 
-    def root(self, values: Mapping[str, float], runs: bool = True) -> np.ndarray:
+    def root(self, values: Mapping[str, float]) -> np.ndarray:
         """Compute a root of the covariance of the error of predicted forces.
 
         The error is what a run would have and is not predicted. Gives (k, r). Raises OutOfRange.
         """
-        place = self._places([values])[0]
-        return self.curves.root(place, runs) * self._units([values])[0]
+        return self.curves.root(self._places([values])[0]) * self._units([values])[0]
 
     def onset_mm(self, values: Mapping[str, float]) -> float:
         """Predict where the cut begins. Raises OutOfRange."""
@@ -262,11 +227,36 @@ class CutEmulator(Emulator):
     def _within_range(self, found: np.ndarray, names: Sequence[str]) -> np.ndarray:
         """Places (p, d) as they are. Raises OutOfRange for one beyond the known runs."""
         low, high = self.curves.X.min(axis=0), self.curves.X.max(axis=0)
-        far = np.maximum(low - found, found - high) > EXTRAPOLATION * (high - low)
+        far = np.maximum(low - found, found - high) > SETTINGS.extrapolation * (high - low)
         if far.any():
             beyond = [name for name, is_far in zip(names, far.any(axis=0), strict=True) if is_far]
             raise OutOfRange(f"no cut near enough is known: {', '.join(beyond)}")
         return found
+
+
+def _independent(
+    along: Sequence[Coordinate],
+    told: Collection[str],
+    asked: Sequence[Mapping[str, float]],
+    known: Sequence[Mapping[str, float]],
+) -> tuple[list[Coordinate], list[np.ndarray]]:
+    """The coordinates along which cuts differ, of those along which they may, and those of the known runs
+    (n,) along each; runs must have told what some do."""
+    coordinates, columns = list[Coordinate](), list[np.ndarray]()
+    for coordinate in along:
+        column, there = (
+            coordinate.of_values(np.array([a[coordinate.name] for a in rows])) for rows in (known, asked)
+        )
+        has = np.isfinite(column)
+        column = np.where(has, column, np.mean(column[has]) if has.any() else there[0])
+        every = np.append(column, there)
+        alike = np.ptp(every) <= 1e-9 * max(np.abs(every).max(), 1.0)
+        if np.ptp(column) == 0 and (coordinate.name in told or not alike):
+            raise ValueError(f"no run tells what {coordinate.name} does")
+        if not alike and not any(_collinear(column, other) for other in columns):
+            coordinates.append(coordinate)
+            columns.append(column)
+    return coordinates, columns
 
 
 def _collinear(one: np.ndarray, other: np.ndarray) -> bool:

@@ -12,12 +12,10 @@ import numpy as np
 
 from cutbench.case.case import Case, load_case
 from cutbench.case.model import Model, groups
-from cutbench.emulator.groups import Groups
+from cutbench.emulator.groups import Coordinate, Groups
 
-#: A run ends this far down: as a part of the specimen's height, and in halves of the blade's thickness.
-MAX_DEPTH_FRACTION, MAX_DEPTH = 0.8, 40.0
-#: ν that counts as a half.
-INCOMPRESSIBLE = 0.5 - 1e-9
+#: A run ends this far down, in halves of the blade's thickness.
+MAX_DEPTH = 40.0
 
 
 @dataclass(frozen=True)
@@ -54,12 +52,9 @@ class GroupRange:
 
     def coordinate(self, value: np.ndarray) -> np.ndarray:
         """Where values are, as the emulator takes them."""
-        value = np.asarray(value, dtype=float)
-        if self.kind == "log":
-            return np.log(np.maximum(value, 1e-300))
-        if self.kind == "asinh":
-            return np.arcsinh(value / self.unit)
-        return -np.log1p(-2 * np.minimum(value, INCOMPRESSIBLE))
+        if self.kind == "incompressible":
+            return -np.log1p(-2 * np.minimum(value, 0.5 - 1e-9))  # what is above counts as a half
+        return Coordinate(self.name, self.kind, self.unit).of_values(np.asarray(value, dtype=float))
 
     def holds(self, value: np.ndarray | float, margin: float = 0.0) -> np.ndarray | bool:
         """Whether values are within it, and a ``margin`` of so many of its lengths."""
@@ -154,13 +149,12 @@ class DesignSpace:
             return f"{size * value:.6g} {unit}" if unit else value
 
         changes = {name: text(name, value) for name, value in asked.items()}
-        return self.base.set(
-            **changes, depth=f"{half * min(MAX_DEPTH_FRACTION * asked['height'], MAX_DEPTH):.6g} mm"
-        )
+        # No blade goes deeper than four fifths of its specimen.
+        return self.base.set(**changes, depth=f"{half * min(0.8 * asked['height'], MAX_DEPTH):.6g} mm")
 
 
 #: What blades of every kind have.
-_COMMON = (
+COMMON = (
     GroupRange("cohesion", 1.0, 50.0),
     GroupRange("viscosity", 0.0, 10.0, "asinh", unit=0.02, least=0.003, off=0.1),
     GroupRange("adhesion", 0.0, 0.3, "asinh", 0.03),
@@ -174,20 +168,18 @@ _COMMON = (
 )
 #: By the name of the blade's law: what the atlas has runs of.
 BLADES = {
-    "contact": DesignSpace("gelatin", "contact", (*_COMMON, GroupRange("tip", 1.0, 6.0))),
+    "contact": DesignSpace("gelatin", "contact", (*COMMON, GroupRange("tip", 1.0, 6.0))),
     "wedge": DesignSpace(
         "gelatin_recalibrated",
         "wedge",
         (
-            *_COMMON,
+            *COMMON,
             GroupRange("angle", math.radians(12), math.radians(40)),
             GroupRange("edge_radius", 0.05, 0.3),
             GroupRange("shoulder", 0.3, 1.2),
         ),
     ),
-    "wire": DesignSpace("gelatin", "wire", _COMMON),
+    "wire": DesignSpace("gelatin", "wire", COMMON),
 }
-#: Names of those that all blades have.
-OF_ALL_BLADES = tuple(side.name for side in _COMMON)
 #: All sides that a blade has; a case has no number of those of other blades.
 SIDES = tuple({side.name: side for space in BLADES.values() for side in space.ranges}.values())

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from cutbench.base.figure_style import COLOURS, SINGLE_MM, force_from_zero, new_figure, save, style
 from cutbench.base.files import check_writable, csv_text, write_json, write_text
@@ -31,15 +30,6 @@ def plot(found: Estimate, ax: Axes) -> None:
                     fmt="o", mfc="white", color=COLOURS["vermilion"], label="onset of cutting")  # fmt: skip
     ax.set_title(f"{found.case.name}, estimated", loc="left")
     force_from_zero(ax, "blade travel (mm)")
-
-
-def figure_of(found: Estimate) -> Figure:
-    """One panel, a column wide, with its legend below."""
-    with style():
-        figure = new_figure(SINGLE_MM, 75)
-        plot(found, axes := figure.subplots())
-        figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=2)
-    return figure
 
 
 def table(found: Estimate) -> dict[str, np.ndarray]:
@@ -70,4 +60,8 @@ def write(found: Estimate, folder: Path) -> None:
     columns = table(found)
     rows = [[f"{value:.6g}" for value in row] for row in zip(*columns.values(), strict=True)]
     write_text(csv_text(list(columns), rows), folder / "estimate.csv")
-    save(figure_of(found), folder / "estimate.png")
+    with style():
+        figure = new_figure(SINGLE_MM, 75)
+        plot(found, axes := figure.subplots())
+        figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=2)
+    save(figure, folder / "estimate.png")

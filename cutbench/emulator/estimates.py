@@ -15,18 +15,7 @@ from cutbench.case.case import Case, case_of, warn_of_doubts
 from cutbench.case.model import Model, apply_groups
 from cutbench.case.numerics import KEYS
 from cutbench.case.values import settable
-from cutbench.emulator.atlas import (
-    DROP_WINDOW,
-    MAX_DEPTH,
-    NORMAL_QUANTILE,
-    Estimate,
-    chances,
-    row_of,
-    shipped,
-    space_of,
-)
-from cutbench.emulator.groups import Groups
-from cutbench.run.measures import ABRUPT, PROMINENCE, SETTLED, SMOOTH, UNCUT
+from cutbench.emulator.atlas import MAX_DEPTH, Estimate, row_of, shipped, space_of
 
 #: Changes that may be sequences, and are no points.
 NO_NUMBERS = (
@@ -41,8 +30,6 @@ NO_NUMBERS = (
     "name",
     "until",
 )
-#: Relative step of derivatives: the emulator is smooth, and rounding is 1e-12 of its values.
-STEP = 1e-4
 
 
 def estimate(
@@ -102,8 +89,7 @@ def estimate(
     }
     fixed = {name: value for name, value in changes.items() if name not in arrays}
     several = isinstance(source, (list, tuple))
-    sources = list(source) if isinstance(source, (list, tuple)) else [source]
-    cases = [case_of(each, fixed) for each in sources]
+    cases = [case_of(each, fixed) for each in (source if isinstance(source, (list, tuple)) else [source])]
     for case in cases:
         warn_of_doubts(case, 2)
     asked = [*derivatives_by]
@@ -118,14 +104,14 @@ def estimate(
     if not several:
         values |= {n: v[0] for n, v in values.items()}
     values = _changed(values, arrays, model)
-    table = xr.Dataset(_numbers(first, values, at_mm))
-    table = table.assign_coords({n: ("point", values[n] / q.factor) for n, q in model.parameters().items()
-                                 if np.ndim(values[n])})  # fmt: skip
-    if at_mm is not None:
-        table = table.assign_coords(displacement_mm=np.asarray(at_mm, dtype=float))
+    table = _numbers(first, values, at_mm)
     for name in asked:
-        table = table.assign(_derivatives(first, values, at_mm, name))
-    return table
+        table |= _derivatives(first, values, at_mm, name)
+    along: dict[str, Any] = {n: ("point", values[n] / q.factor) for n, q in model.parameters().items()
+                             if np.ndim(values[n])}  # fmt: skip
+    if at_mm is not None:
+        along["displacement_mm"] = np.asarray(at_mm, dtype=float)
+    return xr.Dataset(table, along)
 
 
 def _changed(values: dict[str, Any], arrays: Mapping[str, Any], model: Model) -> dict[str, Any]:
@@ -154,38 +140,29 @@ def _changed(values: dict[str, Any], arrays: Mapping[str, Any], model: Model) ->
 
 def _numbers(case: Case, values: Mapping[str, Any], at_mm: Iterable[float] | None) -> dict[str, Any]:
     """Columns of a table, nan outside the atlas."""
-    atlas, space, units = shipped(), space_of(case), Groups.of(case)
-    assert units is not None, "of the atlas' model"
+    atlas, (space, units) = shipped(), space_of(case)
     own = units.length(values), units.force(values), values["depth"]
-    half, force, depth, *sides = np.broadcast_arrays(
-        *np.atleast_1d(*own, *space.of_values(units, case.model, values))
-    )
+    sizes = np.atleast_1d(*own, *space.of_values(units, case.model, values))
+    half, force, depth, *sides = np.broadcast_arrays(*sizes)
     held = np.stack([side.holds(column) for side, column in zip(space.ranges, sides, strict=True)], axis=1)
-    names = np.array([side.name for side in space.ranges])
-    inside = np.asarray(held.all(axis=1))
-    outside = [", ".join(names[~row]) for row in held]
+    inside, names = np.asarray(held.all(axis=1)), np.array([side.name for side in space.ranges])
     # Where it says nothing it is asked for the nearest, which nobody sees.
     nearest = [np.clip(column, s.low, s.high) for s, column in zip(space.ranges, sides, strict=True)]
     rows = np.stack(np.broadcast_arrays(*row_of(space, nearest)), axis=1)
     end = np.minimum(depth / half, MAX_DEPTH)
     m = atlas.measures(rows, end)
-    uncut, abrupt = chances(m, end)
-    cut, falls = uncut < 0.5, (m.drop[:, 0] ** 2 > PROMINENCE) & (np.asarray(values["precut"]) == 0)
-    long = end - np.exp(m.onset[:, 0]) > (SETTLED + 1) * DROP_WINDOW
-    table: dict[str, Any] = {}
-    for name, unit, size, there in (
-        ("onset", "_mm", half, cut), ("peak", "_N", force, cut & falls),
-        ("steady", "_N", force, cut & long), ("drop", "", 1.0, cut),
-    ):  # fmt: skip
-        mean, sd = getattr(m, name).T
-        for part, z in (("", 0.0), ("_low", -NORMAL_QUANTILE), ("_high", NORMAL_QUANTILE)):
-            normal = mean + z * sd
-            found = np.clip(normal, 0, 1) ** 2 if name == "drop" else np.exp(normal) * size
-            table[f"{name}{part}{unit}"] = "point", np.where(inside & there, found, np.nan)
-    odds = {ABRUPT: abrupt, SMOOTH: 1 - uncut - abrupt, UNCUT: uncut}
+    columns: dict[str, np.ndarray] = {}
+    for name, each in m.intervals(end, half, force, values["precut"]).items():
+        measure, mark, unit = name.partition("_")
+        columns |= {f"{measure}{part}{mark}{unit}": column
+                    for part, column in zip(("", "_low", "_high"), each, strict=True)}  # fmt: skip
+    odds = m.chances(end)
     verdict = np.array([*odds])[np.argmax([*odds.values()], axis=0)]
-    table |= {name: ("point", np.where(inside, part, np.nan)) for name, part in odds.items()}
-    table |= {"verdict": ("point", np.where(inside, verdict, "")), "outside": ("point", outside)}
+    table: dict[str, Any] = {
+        n: ("point", np.where(inside, column, np.nan)) for n, column in (columns | odds).items()
+    }
+    table["verdict"] = "point", np.where(inside, verdict, "")
+    table["outside"] = "point", [", ".join(names[~row]) for row in held]
     if at_mm is not None:
         forces = force[:, None] * atlas.forces(rows, m, np.asarray(at_mm, dtype=float) / half[:, None])
         table["force_N"] = ("point", "displacement_mm"), np.where(inside[:, None], forces, np.nan)
@@ -199,13 +176,13 @@ def _derivatives(
     known = case.model.parameters()
     require(name in known, "derivatives_by", name, f"one of {', '.join(known)}")
     q, now = known[name], values[name]
-    size = STEP * np.where(now == 0, q.typical * q.factor, np.abs(now))
+    # The emulator is smooth, and rounding is 1e-12 of its values.
+    size = 1e-4 * np.where(now == 0, q.typical * q.factor, np.abs(now))
     # Of what is off the difference is to one side.
     ends = [np.clip(now + way * size, *q.bounds) for way in (1, -1)]
     up, down = (_numbers(case, {**values, name: end}, at_mm) for end in ends)
-    by = {}
-    for n, (dims, column) in up.items():
-        if np.asarray(column).dtype.kind == "f":
-            change = (column - down[n][1]) * q.factor
-            by[f"{n}_by_{name}"] = dims, (change.T / (ends[0] - ends[1])).T
-    return by
+    return {
+        f"{n}_by_{name}": (dims, ((column - down[n][1]).T * q.factor / (ends[0] - ends[1])).T)
+        for n, (dims, column) in up.items()
+        if np.asarray(column).dtype.kind == "f"
+    }

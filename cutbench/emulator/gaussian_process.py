@@ -23,10 +23,6 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import LinAlgError, cholesky, solve_triangular
 
-_ROOT5 = math.sqrt(5.0)
-#: Part of the variance that is added to every diagonal, so that places may lie close to each other.
-_JITTER = 1e-9
-
 
 @dataclass(frozen=True)
 class Priors:
@@ -44,17 +40,25 @@ class Priors:
     nugget : float
         Where the search for the part of the variance that differs from run to run begins. Nothing is expected
         of it: some meshes leave jags of a few per cent in a force, others none.
+    wide : float
+        Lengths are sought up to so many times what is expected, or as many times below.
+    nuggets : tuple of float
+        Between these the nugget is sought: what is below is no more than a computation's last digits, and
+        above it values are mostly chance.
+    jitter : float
+        Part of the variance that is added to every diagonal, so that places may lie close to each other.
     """
 
     length: float = 2.0
     factor: float = 3.0
     least: float = 0.05
     nugget: float = 1e-3
+    wide: float = math.exp(4.0)
+    nuggets: tuple[float, float] = (1e-6, 0.3)
+    jitter: float = 1e-9
 
 
 PRIORS = Priors()
-#: Bounds of the search: lengths by a factor about what is expected, and the nugget.
-_WIDE, _NUGGETS = math.exp(4.0), (1e-6, 0.3)
 
 
 @dataclass(frozen=True)
@@ -75,7 +79,7 @@ class Kernel:
     def correlation(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
         """Compute the correlation of the smooth part between places. With ``a`` (n, d), ``b`` (m, d); gives
         (n, m)."""
-        r = _ROOT5 * self.distances(a, b)
+        r = math.sqrt(5.0) * self.distances(a, b)
         return (1 + r + r**2 / 3) * np.exp(-r)
 
     def distances(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -108,31 +112,30 @@ class GaussianProcess:
         columns = self.Y.reshape(len(self.X), -1)
         self.kernel = kernel or self._likeliest_kernel(columns, lengths)
         own = np.broadcast_to(self.kernel.nugget if noise is None else noise, len(self.X))
-        K = self.kernel.correlation(self.X, self.X) + np.diag(own + _JITTER)
+        K = self.kernel.correlation(self.X, self.X) + np.diag(own + PRIORS.jitter)
         self._fit = _Fit(K, self._basis(self.X), columns, sizes)
+        #: The standard deviation of values about the trend; of a curve's in the root mean square.
+        self.size: float = self._fit.size
+        #: The weights (n, m) of the places: what each adds to a mean, by its correlation.
+        self.weights: np.ndarray = self._fit.weights
 
     # -- what it says -------------------------------------------------------------------------------
     def mean(self, at: np.ndarray) -> np.ndarray:
         """Predict values, without what differs from run to run. With ``at`` (p, d); gives (p,)."""
-        parts = []
-        for part in _chunks(np.atleast_2d(at)):
-            near = self.kernel.correlation(part, self.X)
-            parts.append(self._basis(part) @ self._fit.trend + near @ self._fit.weights)
+        parts = [
+            self._basis(part) @ self._fit.trend + self.kernel.correlation(part, self.X) @ self.weights
+            for part in _chunks(at)
+        ]
         return np.concatenate(parts).reshape(-1, *self.Y.shape[1:])
 
     def spread(self, at: np.ndarray, runs: bool = False) -> np.ndarray:
         """Compute the standard deviations of predicted values. With ``at`` (p, d); gives (p,)."""
         found = []
-        for part in _chunks(np.atleast_2d(at)):
+        for part in _chunks(at):
             V = self.influence(part)
-            left = 1 + (self.kernel.nugget + _JITTER) * runs - (V**2).sum(axis=0)
+            left = 1 + (self.kernel.nugget + PRIORS.jitter) * runs - (V**2).sum(axis=0)
             found.append(np.maximum(left, 1e-12) + self._fit.trend_variance(self._basis(part), V))
         return np.sqrt(np.concatenate(found)) * (self._fit.size if self.Y.ndim == 1 else 1.0)
-
-    @property
-    def size(self) -> float:
-        """The standard deviation of values about the trend; of a curve's in the root mean square."""
-        return self._fit.size
 
     @cached_property
     def curve_root(self) -> np.ndarray:
@@ -140,11 +143,6 @@ class GaussianProcess:
         found, vectors = np.linalg.eigh(self._fit.between)
         kept = found > max(1e-4 * found[-1], 0.0)
         return vectors[:, kept] * np.sqrt(found[kept])
-
-    @property
-    def weights(self) -> np.ndarray:
-        """The weights (n, m) of the places: what each adds to a mean, by its correlation."""
-        return self._fit.weights
 
     @property
     def trend_from_zero(self) -> np.ndarray:
@@ -173,8 +171,8 @@ class GaussianProcess:
 
         expected = np.log(self._expected_lengths(Y) if lengths is None else np.array(lengths, dtype=float))
         middle = np.append(expected, math.log(PRIORS.nugget))
-        far = math.log(_WIDE)
-        bounds = [*((x - far, x + far) for x in expected), tuple(np.log(_NUGGETS))]
+        far = math.log(PRIORS.wide)
+        bounds = [*((x - far, x + far) for x in expected), tuple(np.log(PRIORS.nuggets))]
         squares = (self.X.T[:, :, None] - self.X.T[:, None]) ** 2
         A = self._basis(self.X)
         # Values along one curve change together: what is left to tell is next to nothing.
@@ -217,10 +215,10 @@ def negative_log_posterior(
     ``parameters`` (d + 1,), ``squares`` (d, n, n), ``A`` (n, k), ``Y`` (n, m), ``middle`` (d + 1,); gives
     (d + 1,)."""
     steep, nugget = np.exp(-2 * parameters[:-1]), math.exp(parameters[-1])
-    r = _ROOT5 * np.sqrt(np.tensordot(steep, squares, 1))
+    r = math.sqrt(5.0) * np.sqrt(np.tensordot(steep, squares, 1))
     decay = np.exp(-r)
     K = (1 + r + r**2 / 3) * decay
-    K[np.diag_indices_from(K)] += nugget + _JITTER
+    K[np.diag_indices_from(K)] += nugget + PRIORS.jitter
     try:
         found = _Fit(K, A, Y, sizes)
     except LinAlgError:
@@ -244,7 +242,7 @@ class _Fit:
         self._L = cholesky(K, lower=True)
         self._white = self.whitened(A)
         inner = self._white.T @ self._white
-        self._inverse = np.linalg.pinv(inner, rcond=1e-12, hermitian=True) if A.shape[1] else inner
+        self._inverse = np.linalg.pinv(inner, rcond=1e-12, hermitian=True)
         y = self.whitened(Y)
         self.trend = self._inverse @ (self._white.T @ y)
         rest = y - self._white @ self.trend
@@ -254,8 +252,7 @@ class _Fit:
         square = max(float((rest**2).sum()) / (free * columns), 1e-300)
         self.size = float(np.clip(math.sqrt(square), *sizes))
         volume = 2 * np.log(np.diag(self._L)).sum()
-        if A.shape[1]:
-            volume += np.linalg.slogdet(inner + 1e-12 * np.trace(inner) * np.eye(len(inner)))[1]
+        volume += np.linalg.slogdet(inner + 1e-12 * np.trace(inner) * np.eye(len(inner)))[1]
         self.value = -0.5 * (free * (2 * math.log(self.size) + square / self.size**2) + volume)
         self._columns = columns
 
@@ -266,19 +263,19 @@ class _Fit:
     def trend_variance(self, basis: np.ndarray, V: np.ndarray) -> np.ndarray:
         """Relative variance (p,) that the trend leaves, at rows ``basis`` (p, k) with the whitened
         correlation ``V`` (n, p)."""
-        if not basis.shape[1]:
-            return np.zeros(len(basis))
         left = basis - V.T @ self._white
         return np.maximum(np.einsum("pi,ij,pj->p", left, self._inverse, left), 0.0)
 
     @property
     def by_covariance(self) -> np.ndarray:
         """Derivative (n, n) of the ``value`` by ``K``."""
-        half = solve_triangular(self._L, np.eye(len(self._L)), lower=True, check_finite=False)
+        half = self.whitened(np.eye(len(self._L)))
         along = half.T @ self._white
         inverse = half.T @ half - along @ self._inverse @ along.T
         return 0.5 * (self.weights @ self.weights.T / (self._columns * self.size**2) - inverse)
 
 
-def _chunks(at: np.ndarray, size: int = 4000) -> list[np.ndarray]:
-    return np.array_split(at, max(1, -(-len(at) // size)))
+def _chunks(at: np.ndarray) -> list[np.ndarray]:
+    """Places in parts, of as many as a matrix of theirs has room for in memory."""
+    at = np.atleast_2d(at)
+    return np.array_split(at, max(1, -(-len(at) // 4000)))
