@@ -73,6 +73,18 @@ def test_a_run_is_exact_where_it_is():
     assert with_runs < without
 
 
+def test_a_law_that_does_what_another_value_does_tells_of_that_value():
+    own = gels(3)
+    tougher = extended(own[0], ["speed_toughness"], {"speed_toughening": 0.5, "toughness_speed": 0.01})
+    tougher = replace(tougher, values={**tougher.values, "speed_toughening": 0.5})
+    (law,) = (law for law in tougher.model.all if law.name == "speed_toughness")
+    plain = replace(own[0], values={**own[0].values, **law.like(tougher.p)})
+    true = run(plain)
+    made = CokrigedCuts([*map(run, own[1:]), replace(true, case=tougher)], own[0], own, FREE, {})
+    assert made.count == 3 and plain.values["G_c"] > 1.1 * own[0].values["G_c"]
+    assert made.computed(plain.values)[1] == pytest.approx(true.force)
+
+
 def test_it_is_the_same_in_every_size():
     own, asked = gels(4), gels(2, seed=8)
 

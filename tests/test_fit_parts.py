@@ -9,7 +9,7 @@ import pytest
 
 from cutbench.base.units import Parameter
 from cutbench.calibration.identifiability import identifiability, information_inverse
-from cutbench.calibration.mesh_error import correction, local_linear_smooth, measured_error
+from cutbench.calibration.mesh_error import correction, guessed_error, local_linear_smooth, measured_error
 from cutbench.calibration.parameters import FreeParameter
 from cutbench.data.covariance import USUAL_FACTOR, Block, Covariance, Factors, matern, with_discrepancy
 from cutbench.data.repetition import Averaged
@@ -180,3 +180,17 @@ def test_a_window_leaves_lines_as_they_are():
     x = np.linspace(0, 3, 40)
     np.testing.assert_allclose(local_linear_smooth(x, 2 - 3 * x), 2 - 3 * x, atol=1e-9)
     assert matern(np.zeros(1), 1.0)[0] == 1.0
+
+
+@pytest.mark.parametrize("by", [-0.01, -0.004, 0.004, 0.01])
+def test_a_cut_that_begins_a_hundredth_elsewhere_is_no_other_curve(by):
+    """However steep the drop, and wherever it lies between two values of the grid."""
+    x = np.linspace(0.1, 5.0, 40)
+    for begins in np.linspace(2.9, 3.1, 5):
+
+        def curve(x, begins=begins):
+            return np.where(x < begins, x, 0.6 * begins + 0.1 * (x - begins))
+
+        y, grid = curve(x), Averaged(x, curve(x), 0 * x, 0 * x, curve(x)[None])
+        off = curve((1 + by) * x) - y
+        assert off @ np.linalg.solve(guessed_error(grid, y, 0.2), off) < x.size

@@ -112,7 +112,8 @@ def successive_estimates(
         )
         return
     runs, count = posterior.predictions.runs, SETTINGS.first + SETTINGS.each * q.size
-    progress = _Progress(runs, on_progress, count + len(cuts) * (USUAL_ROUNDS + 4 * refine))
+    fills = start is None and not is_within_emulator(posterior, q)
+    progress = _Progress(runs, on_progress, fills * count + len(cuts) * (2 * USUAL_ROUNDS + 4 * refine))
     best: Estimated | None = None
     if start is None:
         q, low, high = _search_box(posterior, q)
@@ -125,6 +126,7 @@ def successive_estimates(
             _compute_initial_design(posterior, cuts, low, high, count)
             best = _evaluated_at(posterior, q)
         found, reach = best_maximum(posterior, best_places(posterior, q, low, high)), (high - low) / 4
+        yield found
     else:
         found, reach = estimate_by_emulator(posterior, q), _search_radius(posterior, q)
     # A fit leaves room for the finer cuts that end it, and for those at the place that these lead to.

@@ -22,8 +22,8 @@ class Settings:
         Half of the side of the box that the first cuts fill, as a logarithm: a factor of two and a half, as
         far as a person's guess may be off.
     first, each : int
-        Cuts of the first design: so many, and so many more for each parameter, twice what a linear trend
-        needs.
+        Cuts of the first design of a model that the atlas has not: so many, and so many more for each
+        parameter, twice what a linear trend needs.
     rounds : int
         So often at most cuts are computed at the best place that the emulator knows.
     hopeless : float
@@ -46,7 +46,8 @@ class Settings:
         Part of what the baseline misses, as a root mean square, of which no cause is looked for: no specimen
         follows a formula.
     tried, computed : int
-        Candidates that are fitted in a round, and those for which cuts are computed.
+        Candidates that take runs of their own and are fitted in a round; and so often cuts are computed at the
+        best place of one.
     most : int
         Causes at most.
     """
