@@ -46,8 +46,8 @@ class Settings:
         Part of what the baseline misses, as a root mean square, of which no cause is looked for: no specimen
         follows a formula.
     tried, computed : int
-        Candidates that take runs of their own and are fitted in a round; and so often cuts are computed at the
-        best place of one.
+        Candidates that take runs of their own and are fitted in a round; and so often cuts are computed at
+        the best place of one.
     most : int
         Causes at most.
     """
