@@ -84,7 +84,7 @@ def _curve(top: Axes, bottom: Axes, c: ComparedCurve, lines: Sequence[Line]) -> 
     for values, look in lines:
         top.plot(x, s * values, lw=1.3, **look)
         bottom.plot(x, s * (c.mean - values), lw=0.6, marker=".", ms=3, **look)
-    limit = s * max(2 * np.median(c.sd), *(np.abs(c.mean - values).max() for values, _ in lines))
+    limit = s * max([2 * np.median(c.sd), *(np.abs(c.mean - values).max() for values, _ in lines)])
     for name, mask in c.regimes().items():
         # Neighbours differ in grey print, too.
         shade = {"onset": "#E6E6E6", "transition": "#F5F5F5"}.get(name, "#FFFFFF")
@@ -104,7 +104,7 @@ def _measures(axes: Axes, c: ComparedCurve, lines: Sequence[Line]) -> None:
     """How far each measure is off, in standard deviations, beside what was measured and what is computed."""
     measures = c.experiment.measures if isinstance(c.experiment, MeasuredCut) else ()
     rows = np.arange(len(measures))[::-1]
-    reach = max(3.0, *(np.abs(values - c.mean).max() for values, _ in lines))
+    reach = max([3.0, *(np.abs(values - c.mean).max() for values, _ in lines)])
     axes.axvspan(-2, 2, label="± 2 sd", facecolor=COLOURS["sky"], alpha=0.45, lw=0)
     axes.axvline(0, color="black", lw=0.5)
     for values, look in lines:
