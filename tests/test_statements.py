@@ -26,7 +26,7 @@ STATEMENTS = {
     "maps": 3155,
     "data": 2849,
     "homogeneous": 508,
-    "calibration": 1637,
+    "calibration": 1646,
     "discovery": 1519,
     "app": 1129,
     "cli": 1124,

@@ -388,9 +388,10 @@ def _with_mesh_error(posterior: Posterior, cuts: Sequence[Experiment], found: Es
             continue
         values, grid = posterior.values(e, q), p.grids[e.id]
         y, exact = p.read(e, values, plain.course), p.read(e, values, better.course)
-        shift, error = mesh_error.correction(grid, y, exact), mesh_error.measured_error(grid, y, exact)
-        size = mesh_error.size_of_error(grid, y, exact)
-        mesh[e.id] = MeshError(shift, error, exact - y, size)
+        # Where the cut begins has an error of its own.
+        same = p.read(e, values, mesh_error.aligned(better, plain))
+        shift, error = mesh_error.correction(grid, y, same), mesh_error.measured_error(grid, y, same)
+        mesh[e.id] = MeshError(shift, error, exact - y, mesh_error.size_of_error(grid, y, same))
     posterior = replace(posterior, mesh=mesh)
     for _ in range(MAX_ROUNDS_NEARBY if any(e.fields for e in cuts) else 1):
         before = q

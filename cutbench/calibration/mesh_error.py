@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import norm
 
+from cutbench.calibration.cut_runs import ComputedCut
 from cutbench.case.case import Case
 from cutbench.data.covariance import (
     Block,
@@ -84,6 +85,15 @@ def refined_case(case: Case) -> Case:
     """The same test with smaller elements and steps and a stiffer blade surface."""
     finer = case.numerics.finer(h=0.7, step=0.5, step_min=0.5, penalty=2.0, stick=2.0)
     return replace(case, numerics=finer)
+
+
+def aligned(run: ComputedCut, other: ComputedCut) -> np.ndarray:
+    """The course (3, n) of a run as if its cut began where that of another does."""
+    x, force, time_s = run.course
+    mine, its = run.onset_mm, other.onset_mm
+    if not math.isfinite(mine + its) or np.any(np.diff(x) < 0):
+        return run.course
+    return np.stack([np.where(x < mine, x * its / mine, x - mine + its), force, time_s])
 
 
 def guessed_error(grid: Averaged, y: np.ndarray, size: float = 1.0) -> np.ndarray:
