@@ -23,15 +23,18 @@ from typing import Any
 import numpy as np
 
 from benchmarks.blind_campaigns import FAMILIES, SHOWN, Truth, make, plan
+from benchmarks.stand_in import StandIn
 from benchmarks.tools import facts, here
 from cutbench.base.errors import BadInput, ComputationFailed, CutbenchError
 from cutbench.base.files import markdown_table, write_json, write_text
 from cutbench.base.progress import silent
 from cutbench.base.units import parse_quantity
+from cutbench.calibration.cut_runs import CutRuns
 from cutbench.data.campaign import load_campaign
 from cutbench.data.repetition import Averaged
 from cutbench.discovery import Discovery, discover
 from cutbench.discovery.candidates import cause_of, family_of
+from cutbench.run.pool.pool import TaskPool
 
 #: Seeds for working on a method. What they give is no result.
 DEVELOPMENT = (1, 2, 3, 5, 11)
@@ -119,8 +122,9 @@ def _gain(truth: Truth, a: Answer) -> float | None:
 
 
 def searched(
-    truth: Truth, folder: Path, workers: int, limit_s: float, on_progress: Callable, by_atlas: bool = False
-) -> dict:
+    truth: Truth, folder: Path, workers: int, limit_s: float, on_progress: Callable, by_atlas: bool = False,
+    stand_in: StandIn | None = None,
+) -> dict:  # fmt: skip
     """One search, and its row of the table. A search that fails says nothing, which is not right."""
     p, began, cpu = truth.planned, time.perf_counter(), sum(os.times()[:4])
     about = {
@@ -132,6 +136,7 @@ def searched(
         d = discover(
             load_campaign(truth.file), workers=workers, store=folder, limit_s=limit_s,
             on_progress=on_progress, by_atlas=by_atlas,
+            runs=stand_in and CutRuns(TaskPool(0), compute=stand_in),
         )  # fmt: skip
         said = {**judge(truth, Answer.of(d)), "ended": d.stopped}
     except ComputationFailed as error:
@@ -139,7 +144,7 @@ def searched(
         said = {**judge(truth, nothing), "ended": str(error)}
     return {
         **about, **said, "seconds": time.perf_counter() - began, "cpu_s": sum(os.times()[:4]) - cpu,
-        "runs": len(list(folder.glob("??/*"))),
+        "runs": stand_in.count if stand_in else len(list(folder.glob("??/*"))),
     }  # fmt: skip
 
 
@@ -235,6 +240,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--limit", default="10 h", help="how long a search may take, such as '30 min'")
     parser.add_argument("--within", default="1000 h", help="how long after the start a case may begin")
     parser.add_argument("--estimate", action="store_true", help="cuts of the atlas, and no runs")
+    parser.add_argument("--stand-in", action="store_true", help="cuts of benchmarks.stand_in, and no runs")
     parser.add_argument("--progress", action="store_true", help="show what the search does")
     args = parser.parse_args(argv)
     try:
@@ -244,6 +250,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     asked = {
         "family": args.family, "cases": args.cases, "seed": args.seed, "limit_s": limit_s,
         "workers": args.workers, "at": here(), **({"by_atlas": True} if args.estimate else {}),
+        **({"stand_in": True} if args.stand_in else {}),
     }  # fmt: skip
     args.out.mkdir(parents=True, exist_ok=True)
     file = args.out / f"{args.family}-{args.seed}.json"
@@ -264,12 +271,14 @@ def main(argv: Sequence[str] | None = None) -> int:
             break
         folder = args.out / f"{args.family}-{args.seed}" / f"{planned.number}"
         try:
-            truth = make(planned, args.seed, folder, args.out / "truths")
+            stand_in = StandIn(args.seed) if args.stand_in else None
+            how = {"run": stand_in.run_case} if stand_in else {"truths": args.out / "truths"}
+            truth = make(planned, args.seed, folder, **how)
             load_campaign(truth.file)
         except CutbenchError as error:  # what cannot be computed, or no reader would believe
             print(f"{planned.number:3d} {planned.effects} is not made: {error}", flush=True)
             continue
-        r = searched(truth, folder / "runs", args.workers, limit_s, show, args.estimate)
+        r = searched(truth, folder / "runs", args.workers, limit_s, show, args.estimate, stand_in)
         kept["rows"].append(r)
         print(
             f"{planned.number:3d} {' + '.join(r['effects']) or 'nothing':32s} {', '.join(r['how']):30s}"

@@ -36,7 +36,10 @@ from benchmarks.blind_campaigns import (
     plan,
     shown,
 )
+from benchmarks.stand_in import StandIn
+from cutbench.case.case import load_case
 from cutbench.data.campaign import load_campaign
+from cutbench.emulator.atlas import shipped
 
 SEED = 3
 STRETCH = np.linspace(1.0, 1.8, 60)[1:]
@@ -317,3 +320,22 @@ def test_a_page_says_its_commit(tmp_path):
     kept = {"at": {"commit": "abc", "changed": True}, "rows": [], "family": "cut", "cases": 3, "seed": 9,
             "machine": {"cpu": "a"}, "workers": 0, "limit_s": 60.0}  # fmt: skip
     assert "`abc` with changes" in page(kept) and "development" not in page(kept)
+
+
+def test_what_stands_in_for_runs_is_the_atlas_off_by_an_error_of_its_own_size():
+    case = load_case("gelatin", {"depth": "6 mm"})
+    found = shipped().estimate(case)
+    off = []
+    for seed in range(8):
+        made, again = (StandIn(seed)(case, ["G"], (), None) for _ in range(2))
+        assert np.array_equal(made.course, again.course)
+        off.append(made.onset_mm / found.onset_mm.value - 1)
+        stiffer = StandIn(seed)(
+            replace(case, values={**case.values, "G": 1.05 * case.values["G"]}), [], (), None
+        )
+        changed = (stiffer.course[1] - made.course[1]) / (0.05 * case.values["G"])
+        rising = made.course[0] < 0.5 * made.onset_mm
+        assert np.mean(made.slopes["G"][rising] / np.maximum(changed[rising], 1e-9)) == pytest.approx(
+            1, rel=0.6
+        )
+    assert 0.01 < np.std(off) < 0.12
