@@ -60,10 +60,23 @@ def verdict_sentence(d: Discovery) -> str:
     return f"Readings are in doubt before any mechanism is: {first}{rest}. As they are read: {_answer(d)}"
 
 
+def _beside(d: Discovery) -> str:
+    """What the computation leaves open beside the scatter: an effect of that size is not seen."""
+    at = d.first and d.first.at
+    parts = (
+        [np.sqrt(np.median(np.diag(at.error[id]))) / np.abs(y).max() for id, y in at.y.items()] if at else []
+    )
+    worst = max(parts, default=0.0)
+    return (
+        f" and the error of the computation, up to {100 * worst:.1f} % of the largest force" if worst else ""
+    )
+
+
 def _answer(d: Discovery) -> str:
     """What the readings say, as they are read."""
     if d.verdict == "none":
-        return "The baseline describes the tests to within their scatter: nothing needs to be added."
+        known = f"to within their scatter{_beside(d)}"
+        return f"The baseline describes the tests {known}: nothing needs to be added."
     if not d.steps:
         return f"The baseline is not fitted to its end ({d.stopped}): no cause was looked for.{_so_far(d)}"
     place = f"'{d.wrong[0].experiment.id}', {d.wrong[0].place}"
