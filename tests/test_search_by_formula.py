@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import json
-import math
 
-import numpy as np
 import pytest
 from runs_by_formula import Counted, run_case
 
@@ -70,34 +68,3 @@ def test_a_search_that_is_stopped_among_its_first_cuts_looked_for_no_cause(tmp_p
     write_discovery(found, tmp_path)
     assert json.loads((tmp_path / "discovery.json").read_text())["status"] == "interrupted"
     assert (tmp_path / "discovery.html").exists() and not (tmp_path / "case.toml").exists()
-
-
-@pytest.mark.slow
-def test_a_search_that_is_stopped_at_any_moment_says_what_was_done(tmp_path):
-    """Ten moments, from the first cuts to the last model: the cuts that are counted were computed, what is
-    called a misfit is that of the values beside it, and before a fit has ended nothing is an estimate."""
-    truth, whole = campaign_of("late zero", tmp_path), Counted()
-    d = found_in(truth.file, whole)
-    assert d.names and whole.count > 20
-    for moment in np.linspace(2, whole.count, 10).astype(int):
-        formula = Counted()
-
-        def stops(*asked, formula=formula, moment=moment):
-            if formula.count >= moment:
-                raise KeyboardInterrupt
-            return formula(*asked)
-
-        s = found_in(truth.file, stops)
-        f = s.fit
-        assert bool(s.stopped) == (formula.count < whole.count) and f.runs <= formula.count
-        assert bool(s.found) == (s.verdict == "mechanism")
-        assert {*s.names} <= {c.name for step in s.steps for c in step.compared}
-        if not f.done:
-            assert not s.steps and s.verdict == "undecided" and str(f.runs) in f.message
-            assert all(math.isnan(e.sd) for e in f.estimates)
-            assert ("start" in f.message) == (not any(e.moved for e in f.estimates))
-        else:
-            assert f.values == pytest.approx(d.fit.values, rel=1e-9)
-        for c in f.compared:
-            at = f.estimated and f.estimated.at.y.get(c.experiment.id)
-            assert at is None or c.fitted == pytest.approx(at)
