@@ -17,7 +17,7 @@ STIFFER = 0.15
 FREE = ("G", "G_c", "delta_c")
 
 
-def gels(count: int, seed: int = 5) -> list[Case]:
+def gels(count: int, seed: int = 5, blade: str = "contact") -> list[Case]:
     """Cuts of gels like gelatin, at three speeds."""
     rng = np.random.default_rng(seed)
     made = []
@@ -29,7 +29,7 @@ def gels(count: int, seed: int = 5) -> list[Case]:
                 "gelatin",
                 {
                     "G": f"{G} kPa", "G_c": f"{G_c} J/m^2", "delta_c": f"{delta_c} mm", "depth": "5 mm",
-                    "speed": f"{speed} mm/s", "eta_reg": "0.8 s",
+                    "speed": f"{speed} mm/s", "eta_reg": "0.8 s", "with_": blade,
                 },
             )
         )  # fmt: skip
@@ -57,9 +57,10 @@ def off(own: list[Case], asked: list[Case]) -> float:
     return float(np.mean(errors))
 
 
-def test_six_runs_tell_what_the_atlas_gets_wrong():
-    asked = gels(6, seed=8)
-    alone, few = off([], asked), off(gels(6), asked)
+@pytest.mark.parametrize("blade", ["contact", "wedge", "wire"])
+def test_six_runs_tell_what_the_atlas_gets_wrong(blade):
+    asked = gels(6, 8, blade)
+    alone, few = off([], asked), off(gels(6, blade=blade), asked)
     assert alone > 0.05 and few < 0.6 * alone, (alone, few)
 
 

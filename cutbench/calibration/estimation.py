@@ -112,19 +112,20 @@ def successive_estimates(
         )
         return
     runs, count = posterior.predictions.runs, SETTINGS.first + SETTINGS.each * q.size
+    if start is None:
+        q, low, high = _search_box(posterior, q)
     fills = start is None and not is_within_emulator(posterior, q)
     progress = _Progress(runs, on_progress, fills * count + len(cuts) * (2 * USUAL_ROUNDS + 4 * refine))
     best: Estimated | None = None
     if start is None:
-        q, low, high = _search_box(posterior, q)
-        if not is_within_emulator(posterior, q):
+        if fills:
             progress.text = "computing the cuts where the search begins"
             _compute_cuts(posterior, cuts, [q] * len(cuts))
-            best = _evaluated_at(posterior, q)
+            best = evaluated_at(posterior, q)
             yield best
             progress.text = f"computing {count} cuts that fill the box; where it begins, {worst_misfit(best)}"
             _compute_initial_design(posterior, cuts, low, high, count)
-            best = _evaluated_at(posterior, q)
+            best = evaluated_at(posterior, q)
         found, reach = best_maximum(posterior, best_places(posterior, q, low, high)), (high - low) / 4
         yield found
     else:
@@ -139,12 +140,12 @@ def successive_estimates(
             break
         still_to_come = max(USUAL_ROUNDS - number, 1) + 4 * refine  # a finer cut takes as long as some others
         progress.text, progress.left = worst_misfit(best or found), len(cuts) * still_to_come
-        promised = _evaluated_at(found.posterior, found.q, sure=True).log_posterior
+        promised = evaluated_at(found.posterior, found.q, sure=True).log_posterior
         places = [found.q] * len(cuts)
-        if start is None:  # what may be as likely, for all that is known: one place a test
+        if start is None and not fills:  # what may be as likely, for all that is known: one place a test
             places += _drawn(found, len(cuts), rng)
         _compute_cuts(posterior, [*cuts, *cuts][: len(places)], places)
-        there = _evaluated_at(posterior, found.q)
+        there = evaluated_at(posterior, found.q)
         worse = best is not None and there.log_posterior <= best.log_posterior
         if best is None or not worse:
             best = there
@@ -154,7 +155,7 @@ def successive_estimates(
         about = _surrogate_about(best)
         found = about.maximum(best.q, reach)
         still = np.all(np.abs(found.q - best.q) < STATIONARY * np.sqrt(np.diag(best.covariance)))
-        gained = found.log_posterior - _evaluated_at(about, best.q).log_posterior
+        gained = found.log_posterior - evaluated_at(about, best.q).log_posterior
         kept = there.log_posterior > promised - SETTINGS.undecided
         if start is None and (other := _elsewhere(posterior, best, low, high)) is not None:
             found, kept = other, False
@@ -172,7 +173,7 @@ def _elsewhere(posterior: Posterior, best: Estimated, low: np.ndarray, high: np.
     """Another place of the box that is likelier than the best by the emulator; None where it has none."""
     found = best_maximum(posterior, best_places(posterior, best.q, low, high))
     near = np.all(np.abs(found.q - best.q) < 2 * np.sqrt(np.diag(best.covariance)))
-    worth = _evaluated_at(posterior, found.q, sure=True).log_posterior
+    worth = evaluated_at(posterior, found.q, sure=True).log_posterior
     return None if near or worth < best.log_posterior + SETTINGS.undecided else found
 
 
@@ -213,7 +214,7 @@ def _surrogate_about(best: Estimated) -> Posterior:
     return replace(smooth, mesh=mesh, local_mesh_error=True)
 
 
-def _evaluated_at(posterior: Posterior, q: np.ndarray, sure: bool = False) -> Estimated:
+def evaluated_at(posterior: Posterior, q: np.ndarray, sure: bool = False) -> Estimated:
     """The posterior at a place (k,), as if the emulator were ``sure`` or with its error."""
     at = posterior.evaluate(q, sure=sure)
     return Estimated(posterior, at, posterior.covariance(at))
@@ -399,7 +400,7 @@ def _with_mesh_error(posterior: Posterior, cuts: Sequence[Experiment], found: Es
         posterior = replace(posterior, fields={id: f for id, f in fields.items() if f is not None})
         q = posterior.maximum(q).q
         _compute_cuts(posterior, cuts, [q] * len(cuts))
-        there = _evaluated_at(posterior, q)
+        there = evaluated_at(posterior, q)
         if np.all(np.abs(q - before) < STATIONARY * np.sqrt(np.diag(there.covariance))):
             break
     return there

@@ -18,7 +18,13 @@ import numpy as np
 
 from cutbench.base.errors import BadInput, ComputationFailed
 from cutbench.base.progress import OnProgress, silent
-from cutbench.calibration.estimation import best_maximum, best_places, estimate, estimate_by_emulator
+from cutbench.calibration.estimation import (
+    best_maximum,
+    best_places,
+    estimate,
+    estimate_by_emulator,
+    evaluated_at,
+)
 from cutbench.calibration.parameters import FreeParameter
 from cutbench.calibration.posterior import Estimated, Posterior
 from cutbench.calibration.settings import SETTINGS
@@ -241,8 +247,7 @@ def _refit_null_model(null: Estimated, places: Sequence[np.ndarray]) -> Estimate
     for q in places:
         try:
             found = null.posterior.maximum(q)
-            sure = null.posterior.evaluate(found.q, sure=True)
-            promised = Estimated(null.posterior, sure, null.posterior.covariance(sure))
+            promised = evaluated_at(null.posterior, found.q, sure=True)
             if promised.log_posterior < null.log_posterior + SETTINGS.gained:
                 continue
             better = _estimated_nearby(null.posterior, found.q, rounds=1)
@@ -339,10 +344,8 @@ def _with_computed_cuts(
 ) -> list[ComparedModel]:
     """The same with cuts computed at their best places: again and again of the one that may be the best,
     until none may be that was not computed."""
-    found, rounds = (
-        {c.name: replace(c, computed=False) for c in compared},
-        dict.fromkeys((c.name for c in compared), 0),
-    )
+    found = {c.name: replace(c, computed=False) for c in compared}
+    rounds = dict.fromkeys(found, 0)
     runs, cuts = null.posterior.predictions.runs, len(null.posterior.tests_with_runs)
     while runs.count + cuts <= SETTINGS.budget(SETTINGS.search_runs, cuts):
         best = max((c.evidence for c in found.values() if c.computed), default=-math.inf)
@@ -430,9 +433,8 @@ def _fitted(null: Estimated, s: Score, scores: Scores) -> Estimated | None:
     """The model with a candidate, from the steps that its scores propose; None where it has no answer."""
     typical, cuts = _with_typical_strengths(s), bool(null.posterior.cuts)
     # Derivatives at off say little of cuts, and what is likeliest elsewhere in the box they do not know.
-    tried = [typical] if s.sensitivity.by_runs else [s, typical] if cuts else [
-        s, *scores.others.get(s.name, [])[: MAX_SHAPES_TRIED - 1], typical
-    ]  # fmt: skip
+    others = [] if cuts else scores.others.get(s.name, [])[: MAX_SHAPES_TRIED - 1]
+    tried = [typical] if s.sensitivity.by_runs else [s, *others, typical]
     tries = [*(_fitted_from_score(null, each) for each in tried), _fitted_within_box(null, typical)]
     found = [each for each in tries if each is not None]
     return max(found, key=lambda each: each.log_posterior, default=None)

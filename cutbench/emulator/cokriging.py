@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from cutbench.case.case import Case
 from cutbench.case.model import Model
-from cutbench.emulator.alignment import AlignedCurves, Course
+from cutbench.emulator.alignment import AlignedCurves
 from cutbench.emulator.atlas import row_of, shipped, space_of
 from cutbench.emulator.database import CutEmulator, Run, values_as_model
 from cutbench.emulator.gaussian_process import Kernel
@@ -68,10 +69,7 @@ class CokrigedCuts(CutEmulator):
         X = np.vstack([np.hstack([atlas.X[like], np.tile([0.0, *off], (like.size, 1))]), own_X])
         for column in X.T:  # what a law that is off does not feel
             column[np.isnan(column)] = np.nanmean(column)
-        courses = [atlas.courses[i] for i in like.tolist()]
-        for run, own in known:
-            unit, of_force = groups.length(own), groups.force(self._with_equal_laws_replaced(own))
-            courses.append(Course(run.x / unit, run.force / of_force, run.onset_mm / unit))
+        courses = [*(atlas.courses[i] for i in like.tolist()), *(self._in_units(*each) for each in known)]
         self._source = atlas.X.shape[1]
         key = tuple(c.name for c in self._new), X.tobytes(), float(self.x[-1])
         if key not in curves:
@@ -117,15 +115,15 @@ def _values_in_words_of(run: Case, wanted: Case, plain: Case) -> Mapping[str, fl
     """The values of a run as one of the model ``wanted``, also where a law in it does what another value of
     the ``plain`` model does; None where it is none."""
     own = values_as_model(run, wanted)
-    equal = {law.name: law.like(run.p) for law in run.model.all if law.like(run.p)}
+    equal = {law.name: same for law in run.model.all if (same := law.like(run.p))}
     strange = {*run.mechanisms} - {*plain.mechanisms} - equal.keys()
-    if own is not None or not equal or strange or run.numerics != wanted.numerics or run.motion:
+    if own is not None or not equal or strange:
         return own
     values = dict(run.values)
     for same in equal.values():
         values |= same
-    off = _without_effect(wanted.model)
-    return {n: values.get(n, off[n]) for n in off}
+    kept = {name: values[name] for name in plain.values}
+    return values_as_model(replace(run, mechanisms=plain.mechanisms, values=kept), wanted)
 
 
 def _without_effect(model: Model) -> dict[str, float]:

@@ -165,10 +165,10 @@ class CutEmulator(Emulator):
             own = values_as_model(run.case, first)
             if own is None or run.x[-1] / groups.length(own) < min(ends) * (1 - 1e-9):
                 continue
-            seen, values = self._reduced(own), self._with_equal_laws_replaced(own)
+            seen = self._reduced(own)
             fixed = (n for n in seen if n not in may_differ | other_words)
             if all(any(is_same_value(seen[n], a[n]) for a in asked) for n in fixed):
-                known.append((run, seen, values))
+                known.append((run, seen, own))
         along = [
             Coordinate.of(first.model.parameters()[n], groups, first.values)
             for n in asked[0]
@@ -178,16 +178,18 @@ class CutEmulator(Emulator):
         self.coordinates, columns = _independent(along, told, asked, [seen for _, seen, _ in known])
         if len(known) < len(self.coordinates) + 1 + SETTINGS.spare:
             raise ValueError("too few runs")
-        courses = [
-            Course(run.x / groups.length(v), run.force / groups.force(v), run.onset_mm / groups.length(v))
-            for run, _, v in known
-        ]
+        courses = [self._in_units(run, values) for run, _, values in known]
         self.x = np.linspace(0.0, max(ends), SETTINGS.points + 1)
         X = np.stack(columns, axis=1)
         key = tuple(c.name for c in self.coordinates), X.tobytes(), float(self.x[-1])
         if key not in curves:
             curves[key] = AlignedCurves(X, courses, self.x)
         self.curves = curves[key]
+
+    def _in_units(self, run: Run, values: Mapping[str, float]) -> Course:
+        """The curve of a run, which has these values in the words of the model."""
+        unit, of_force = self.groups.length(values), self._units([values])[0]
+        return Course(run.x / unit, run.force / of_force, run.onset_mm / unit)
 
     def _reduced(self, values: Mapping[str, float]) -> dict[str, float]:
         return self.groups.reduced(self._with_equal_laws_replaced(values))
