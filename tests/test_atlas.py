@@ -241,10 +241,13 @@ def cuts_of_its_own(late_mm: float = 0.0) -> tuple[Case, tuple[Experiment, ...]]
     return base, tuple(cuts)
 
 
-def test_a_fit_takes_cuts_from_it_and_computes_none():
+@pytest.mark.parametrize("start", [{}, {"G_c": "12 J/m^2"}])
+def test_a_fit_takes_cuts_from_it_and_computes_none(start):
+    """Also where no cut begins with the values that it starts from."""
     base, cuts = cuts_of_its_own()
     plan = FitPlan(free=("G", "G_c"))
-    found = cutbench.fit(cutbench.Campaign("Gel", base, cuts, plan=plan), workers=0, by_atlas=True)
+    campaign = cutbench.Campaign("Gel", base.set(**start), cuts, plan=plan)
+    found = cutbench.fit(campaign, workers=0, by_atlas=True)
     assert found.done and found.runs == 0
     for name, true in (("G", 0.009), ("G_c", 0.0065)):
         assert found.estimate(name).low <= true <= found.estimate(name).high

@@ -14,6 +14,7 @@ from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
+from scipy.optimize import least_squares
 from scipy.stats import qmc
 
 from cutbench.base.errors import ComputationFailed
@@ -22,17 +23,17 @@ from cutbench.calibration import mesh_error
 from cutbench.calibration.cut_runs import CutRuns
 from cutbench.calibration.identifiability import identifiable
 from cutbench.calibration.mesh_error import field_block
-from cutbench.calibration.posterior import Estimated, LinearFields, MeshError, Posterior
+from cutbench.calibration.posterior import MAX_STEPS, Estimated, LinearFields, MeshError, Posterior
 from cutbench.calibration.prediction import MAX_SLOPE, NotComputed
 from cutbench.calibration.settings import SETTINGS
-from cutbench.data.covariance import Covariance
+from cutbench.data.covariance import USUAL_SHAPE, Covariance
 from cutbench.data.experiment import Experiment
 from cutbench.data.fields import laid_out
 from cutbench.data.measures import MeasuredCut
 
 #: Places of the box that are looked at with the emulator, and the best of them, from which a maximum is
-#: looked for.
-PLACES, STARTS = 128, 6
+#: looked for: each of them alone goes to the same, of the cuts that were tried.
+PLACES, STARTS = 64, 3
 #: So often at most cuts are computed at the best place where a place is near already.
 MAX_ROUNDS_NEARBY = 3
 #: As many rounds as most fits take, for the time that is left.
@@ -48,18 +49,18 @@ def drop_unidentifiable(
     posterior: Posterior, asked: Sequence[str] = ()
 ) -> tuple[Posterior, dict[str, str], np.ndarray]:
     """Leave at their start the parameters that the data do not tell there. Gives (M, k)."""
-    J, residual, y = {}, {}, {}
+    J, residual, y, error = {}, {}, {}, {}
     q, cuts = np.zeros(len(posterior.parameters)), posterior.tests_with_runs
     exact = dict(zip([e.id for e in cuts], _exact_sensitivities(posterior, cuts, q), strict=True))
     for e in posterior.tests:
         if e.id in exact:
-            y[e.id], J[e.id] = exact[e.id]
+            y[e.id], J[e.id], onset = exact[e.id]
+            error[e.id] = posterior.mesh_error(e, y[e.id], onset).covariance
         else:
             at = posterior.evaluate(q, [e])
-            y[e.id], J[e.id] = at.y[e.id], at.J[e.id]
+            y[e.id], J[e.id], error[e.id] = at.y[e.id], at.J[e.id], at.error[e.id]
         residual[e.id] = y[e.id] - posterior.predictions.grids[e.id].mean
     kinds = {e.id: e.kind for e in posterior.tests}
-    error = {e.id: posterior.mesh_error(e, y[e.id]).covariance for e in posterior.tests}
     white = Covariance.of(posterior.predictions.grids, kinds, y, error).white(J)
     kept, why = identifiable(white, posterior.parameters, asked)
     return _restricted_to(posterior, kept), why, white
@@ -74,8 +75,9 @@ def _restricted_to(posterior: Posterior, kept: Sequence[int]) -> Posterior:
 
 def _exact_sensitivities(
     posterior: Posterior, cuts: Sequence[Experiment], q: np.ndarray
-) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Of each cut the readings (m,) and their derivatives (m, k) by the exact ones of its own run."""
+) -> list[tuple[np.ndarray, np.ndarray, float]]:
+    """Of each cut the readings (m,), their derivatives (m, k) by the exact ones of its own run, and where it
+    begins."""
     p, found = posterior.predictions, []
     cases = [p.case(e, posterior.values(e, q)) for e in cuts]
     names = [u.name for u in posterior.parameters if all(u.name in case.values for case in cases)]
@@ -90,7 +92,7 @@ def _exact_sensitivities(
             slope = run.slopes.get(u.name, np.zeros(run.course.shape[1]))
             most = {u.name: MAX_SLOPE * float(np.abs(run.course[1]).max()) / abs(u.slope(0.0))}
             J[:, k] = p.read_slopes(e, values, run.course, {u.name: slope}, most)[:, 0] * u.slope(0.0)
-        found.append((y, J))
+        found.append((y, J, run.onset_mm))
     return found
 
 
@@ -156,9 +158,14 @@ def successive_estimates(
         found = about.maximum(best.q, reach)
         still = np.all(np.abs(found.q - best.q) < STATIONARY * np.sqrt(np.diag(best.covariance)))
         gained = found.log_posterior - evaluated_at(about, best.q).log_posterior
-        kept = there.log_posterior > promised - SETTINGS.undecided
-        if start is None and (other := _elsewhere(posterior, best, low, high)) is not None:
-            found, kept = other, False
+        # A run jags about what is promised: held against it is what the emulator has learnt there.
+        smooth = replace(posterior, predictions=posterior.predictions.smooth)
+        here, at_best = (evaluated_at(smooth, x, sure=True).log_posterior for x in (there.q, best.q))
+        kept = here > promised - SETTINGS.undecided
+        if start is None:  # whoever is near a wrong maximum is as sure of nothing as of how far it is off
+            other = best_maximum(posterior, best_places(posterior, best.q, low, high))
+            if evaluated_at(smooth, other.q, sure=True).log_posterior > at_best + SETTINGS.undecided:
+                found, kept = other, False
         if settled := kept and (bool(still) or gained < SETTINGS.gained):
             break
     assert best is not None, "there is a round at least"
@@ -167,14 +174,6 @@ def successive_estimates(
         best = _with_mesh_error(posterior, cuts, best)
     runs.on_run = lambda: None  # what others compute is not of this search
     yield replace(best, settled=settled)
-
-
-def _elsewhere(posterior: Posterior, best: Estimated, low: np.ndarray, high: np.ndarray) -> Estimated | None:
-    """Another place of the box that is likelier than the best by the emulator; None where it has none."""
-    found = best_maximum(posterior, best_places(posterior, best.q, low, high))
-    near = np.all(np.abs(found.q - best.q) < 2 * np.sqrt(np.diag(best.covariance)))
-    worth = evaluated_at(posterior, found.q, sure=True).log_posterior
-    return None if near or worth < best.log_posterior + SETTINGS.undecided else found
 
 
 def _drawn(found: Estimated, count: int, rng: np.random.Generator) -> list[np.ndarray]:
@@ -209,7 +208,7 @@ def _surrogate_about(best: Estimated) -> Posterior:
     smooth = replace(post, predictions=post.predictions.smooth)
     at = smooth.evaluate(best.q, post.tests_with_runs, differentiate=False)
     for e in post.tests_with_runs:
-        known = post.mesh_error(e, at.y[e.id])
+        known = post.mesh_error(e, at.y[e.id], at.onset_mm[e.id])
         mesh[e.id] = replace(known, shift=known.shift + best.at.y[e.id] - at.y[e.id])
     return replace(smooth, mesh=mesh, local_mesh_error=True)
 
@@ -365,18 +364,50 @@ def best_known(posterior: Posterior, best: Estimated | None) -> Estimated | None
 
 
 def best_places(posterior: Posterior, q: np.ndarray, low: np.ndarray, high: np.ndarray) -> list[np.ndarray]:
-    """The best places of the box by the emulator."""
+    """The places of the box from which a maximum is worth looking for, by the emulator.
+
+    The likelihood has maxima wherever drops do not meet: also where a cut never begins. The work that a blade
+    has done until each reading leads to one place from far, as it is the more off the farther a drop is.
+    """
     rows = low + (high - low) * qmc.Sobol(q.size, seed=0).random(PLACES)
-    worth = [_approximate_log_posterior(posterior, row) for row in rows]
-    return [rows[i] for i in np.argsort(worth)[::-1][:STARTS]]
+    worth = [float(np.sum(_off_by_work(posterior, row, False)[0] ** 2)) for row in rows]
+    found = []
+    for i in np.argsort(worth)[:STARTS]:
+        known: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
+
+        def off(x: np.ndarray, known: dict = known) -> tuple[np.ndarray, np.ndarray]:
+            if x.tobytes() not in known:
+                known[x.tobytes()] = _off_by_work(posterior, x)
+            return known[x.tobytes()]
+
+        found.append(least_squares(
+            lambda x, off=off: off(x)[0], rows[i], lambda x, off=off: off(x)[1], bounds=(low, high),
+            x_scale="jac", max_nfev=MAX_STEPS,
+        ))  # fmt: skip
+    return [each.x for each in sorted(found, key=lambda each: each.cost)]
 
 
-def _approximate_log_posterior(posterior: Posterior, q: np.ndarray) -> float:
+def _off_by_work(
+    posterior: Posterior, q: np.ndarray, differentiate: bool = True
+) -> tuple[np.ndarray, np.ndarray]:
+    """How far (M,) the work of each blade until each reading is off, and other tests' readings themselves, in
+    units of what specimens usually differ by; and the derivatives (M, k). Beside what is expected
+    beforehand."""
+    rows = [(q - posterior.prior_means) / posterior.prior_sds]
+    columns = [np.diag(1 / posterior.prior_sds)]
     try:
-        at = posterior.evaluate(q, differentiate=False, sure=True)
-    except ComputationFailed:
-        return -math.inf
-    return Estimated(posterior, at, posterior.noise(at)).log_posterior
+        at = posterior.evaluate(q, differentiate=differentiate, sure=True)
+    except ComputationFailed:  # no answer there: as bad as can be
+        size = sum(posterior.predictions.grids[e.id].mean.size for e in posterior.tests)
+        return np.append(rows[0], np.full(size, 1e3)), np.vstack([columns[0], np.zeros((size, q.size))])
+    for e in posterior.tests:
+        both, grid = np.column_stack([at.residual[e.id], at.J[e.id]]), posterior.predictions.grids[e.id]
+        size = np.abs(grid.mean).max() * math.sqrt(grid.mean.size)
+        if e.kind == "cut" and not grid.independent:
+            both, size = both.cumsum(axis=0), np.abs(grid.mean).sum() * math.sqrt(grid.mean.size)
+        rows.append(both[:, 0] / (USUAL_SHAPE * size))
+        columns.append(both[:, 1:] / (USUAL_SHAPE * size))
+    return np.concatenate(rows), np.vstack(columns)
 
 
 def _with_mesh_error(posterior: Posterior, cuts: Sequence[Experiment], found: Estimated) -> Estimated:
@@ -391,8 +422,11 @@ def _with_mesh_error(posterior: Posterior, cuts: Sequence[Experiment], found: Es
         y, exact = p.read(e, values, plain.course), p.read(e, values, better.course)
         # Where the cut begins has an error of its own.
         same = p.read(e, values, mesh_error.aligned(better, plain))
-        shift, error = mesh_error.correction(grid, y, same), mesh_error.measured_error(grid, y, same)
-        mesh[e.id] = MeshError(shift, error, exact - y, mesh_error.size_of_error(grid, y, same))
+        onset = 0.0 if p.has_motion(e) else plain.onset_mm
+        shift = mesh_error.correction(grid, y, same, onset)
+        error = mesh_error.measured_error(grid, y, same, onset)
+        sizes = mesh_error.sizes_of_error(grid, y, same, onset)
+        mesh[e.id] = MeshError(shift, error, exact - y, sizes)
     posterior = replace(posterior, mesh=mesh)
     for _ in range(MAX_ROUNDS_NEARBY if any(e.fields for e in cuts) else 1):
         before = q

@@ -28,6 +28,7 @@ from cutbench.base.toml import one_of
 from cutbench.calibration.cut_runs import CutRuns
 from cutbench.calibration.estimation import best_known, drop_unidentifiable, successive_estimates
 from cutbench.calibration.identifiability import Identifiability, correlations, identifiability
+from cutbench.calibration.mesh_error import MODEL, begun_later
 from cutbench.calibration.parameters import FreeParameter, free_parameters
 from cutbench.calibration.posterior import Estimated, Posterior
 from cutbench.calibration.prediction import Predictions
@@ -558,11 +559,12 @@ def _sampling_covariance(best: Estimated) -> tuple[np.ndarray, np.ndarray]:
     The estimates weigh readings as if what the model misses were correlated over a short way. Here it is as
     correlated as it is likeliest; and what tests contradict each other more than their covariance has it, as
     a cause that a model lacks makes them, is a scatter between them (DerSimonian & Laird 1986,
-    10.1016/0197-2456(86)90046-2; the expectation is that of Bell & McCaffrey 2002).
+    10.1016/0197-2456(86)90046-2; the expectation is that of Bell & McCaffrey 2002). What is common to all
+    cuts, where they begin, is no scatter.
     """
     V, dof, w = best.covariance, _degrees_of_freedom(best), best.w
     noise_alone = best.posterior.noise(best.at)
-    total, between, expected = V.copy(), np.zeros(len(V)), np.zeros(len(V))
+    total, between, expected, common = V.copy(), np.zeros(len(V)), np.zeros(len(V)), np.zeros(len(V))
     for id, block in w.tests.items():
         residual, J = best.at.residual[id], best.at.J[id]
         gain = np.linalg.solve(block.total, J @ V).T
@@ -572,9 +574,13 @@ def _sampling_covariance(best: Estimated) -> tuple[np.ndarray, np.ndarray]:
         if likely is not tried[0] and np.any(block.discrepancy):
             size = likely.tried[likely.gains(residual[:, None])[:, 0].argmax()]
             total += gain @ (likely.covariance(size) - block.discrepancy) @ gain.T
+        if best.posterior.predictions.needs_runs(best.posterior.predictions.campaign.experiment(id)):
+            y, onset = best.at.y[id], best.at.onset_mm[id]
+            common += gain @ (begun_later(w.grids[id].along, y, onset, MODEL.common) - y)
         H = gain @ J
         between += (gain @ residual) ** 2
         expected += np.diag(H @ V - 2 * H @ H @ V + H @ V @ H.T)
+    total += np.outer(common, common)
     n, known = len(w.tests), np.diag(total)
     more = np.maximum(between - expected, 0.0) * n / max(n - 1, 1)
     stretch = np.sqrt(1 + more / known)

@@ -12,10 +12,11 @@ values.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import norm
+from scipy.stats import t as student
 
 from cutbench.calibration.cut_runs import ComputedCut
 from cutbench.case.case import Case
@@ -25,7 +26,6 @@ from cutbench.data.covariance import (
     matern,
     positive_definite,
     roughness_variance,
-    scatter_covariance,
 )
 from cutbench.data.experiment import Experiment
 from cutbench.data.fields import laid_out
@@ -43,10 +43,16 @@ class ErrorModel:
     window, length : float
         In grid values: the window of the smooth part (standard deviation), and the length of its roughness.
     smooth, rough : float
-        Error before it has been measured, as a part of the curve: of its smooth part, and of its roughness.
-    onset : float
-        Where a cut begins is known to this part of the way: so far it moves under refinement
-        (docs/validation/convergence.md), and jags from run to run.
+        Error behind where a cut begins before it has been measured, as a part of the curve: of its smooth
+        part, and of its roughness.
+    before : float
+        The same part of both before a cut begins, where nothing but the bulk and a contact is computed: by
+        0.1 to 0.4 % forces change there under refinement, and with other cohesive shapes.
+    onset, dof, common : float
+        Where a cut begins moves by such a part of the way from run to run, as Student's t with ``dof``: a
+        steep drop elsewhere costs by how far that is, not by how deep it is. With finer numerics it moves by
+        ``common``, of all cuts of a campaign alike (docs/validation/convergence.md): that makes values
+        unsure, as of G_c, and says nothing of why speeds differ.
     """
 
     added: float = 1.5
@@ -55,10 +61,17 @@ class ErrorModel:
     length: float = 4.0
     smooth: float = 0.05
     rough: float = 0.02
+    before: float = 0.1
     onset: float = 0.015
+    dof: float = 3.0
+    common: float = 0.015
 
 
 MODEL = ErrorModel()
+#: A side of so few values is as it is.
+FEWEST = 5
+#: So many places where a cut may begin stand for their distribution.
+SHIFTS = 24
 
 
 def field_block(e: Experiment, computed: np.ndarray, fine: np.ndarray | None = None) -> Block:
@@ -88,72 +101,119 @@ def refined_case(case: Case) -> Case:
 
 
 def aligned(run: ComputedCut, other: ComputedCut) -> np.ndarray:
-    """The course (3, n) of a run as if its cut began where that of another does."""
-    x, force, time_s = run.course
-    mine, its = run.onset_mm, other.onset_mm
-    if not math.isfinite(mine + its) or np.any(np.diff(x) < 0):
+    """The course (3, n) of a run as if its cut began where that of another does: what is before stays."""
+    x, later = run.course[0], other.onset_mm - run.onset_mm
+    if not math.isfinite(later) or np.any(np.diff(x) < 0):
         return run.course
-    return np.stack([np.where(x < mine, x * its / mine, x - mine + its), force, time_s])
+    after = x >= run.onset_mm
+    moved = np.where(
+        after, run.course + np.array([[later], [0], [later * run.course[2, -1] / x[-1]]]), run.course
+    )
+    return moved[:, after | (x < other.onset_mm)]
 
 
-def guessed_error(grid: Averaged, y: np.ndarray, size: float = 1.0) -> np.ndarray:
-    """Covariance (m, m) of a computed curve's own error where it has not been measured; ``size``: over what
-    is guessed."""
-    return size**2 * _guessed_shape(grid, y) + _onset_error(grid, y)
+def guessed_error(
+    grid: Averaged, y: np.ndarray, onset: float, sizes: tuple[float, float] = (1.0, 1.0)
+) -> np.ndarray:
+    """Covariance (m, m) of a computed curve's own error where it has not been measured. ``onset``: where it
+    begins, nan where it does not; ``sizes``: before and behind that, over what is guessed."""
+    return _guessed_shape(grid, y, onset, sizes) + _onset_error(grid, y, onset)
 
 
-def size_of_error(grid: Averaged, y: np.ndarray, fine: np.ndarray) -> float:
-    """How large a measured error usually is beside a guess, but for where the cut begins."""
-    measured, guessed = _measured_shape(grid, y, fine), _guessed_shape(grid, y)
-    return math.sqrt(np.median(np.diag(measured) / np.diag(guessed)))
+def sizes_of_error(grid: Averaged, y: np.ndarray, fine: np.ndarray, onset: float) -> tuple[float, float]:
+    """How large a measured error usually is beside a guess, before the cut begins and behind it; of a place
+    that has no values, as in the other."""
+    ratio = np.diag(_measured_shape(grid, y, fine, onset)) / np.diag(
+        _guessed_shape(grid, y, onset, (1.0, 1.0))
+    )
+    before = _before(grid, onset)
+    parts = [ratio[where] if where.any() else ratio for where in (before, ~before)]
+    own, behind = (math.sqrt(np.median(part)) for part in parts)
+    return max(own, 1.0), behind
 
 
-def _guessed_shape(grid: Averaged, y: np.ndarray) -> np.ndarray:
+def _before(grid: Averaged, onset: float) -> np.ndarray:
+    """Which values (m,) are before the cut begins."""
+    return np.full(grid.along.size, True) if math.isnan(onset) else grid.along < onset
+
+
+def _guessed_shape(grid: Averaged, y: np.ndarray, onset: float, sizes: tuple[float, float]) -> np.ndarray:
     x = grid.along
     if grid.independent:
-        return np.diag((MODEL.rough * y) ** 2)
-    size = np.maximum(np.abs(y), 0.1 * np.abs(y).max())
+        return np.diag((sizes[1] * MODEL.rough * y) ** 2)
+    part = np.where(_before(grid, onset), sizes[0] * MODEL.before, sizes[1])
+    size = part * np.maximum(np.abs(y), 0.1 * np.abs(y).max())
     length = np.ptp(x) / 3
     smooth = MODEL.smooth**2 * np.outer(size, size) * matern(np.abs(x[:, None] - x), length)
     rough = np.outer(size, size) * matern(np.abs(x[:, None] - x), MODEL.length * np.ptp(x) / (x.size - 1))
     return smooth + MODEL.rough**2 * rough + np.diag((0.1 * MODEL.rough * size) ** 2)
 
 
-def _onset_error(grid: Averaged, y: np.ndarray) -> np.ndarray:
-    """Covariance (m, m) of a curve whose cut begins earlier or later: a steep drop is elsewhere, and has
-    between two values of the grid what shape it has."""
+def _onset_error(grid: Averaged, y: np.ndarray, onset: float) -> np.ndarray:
+    """Covariance (m, m) of a curve whose cut begins earlier or later: a steep drop has between two values of
+    the grid what shape it has."""
     if grid.independent:
         return np.zeros((y.size, y.size))
     x = grid.along
-    shifts = MODEL.onset * norm.ppf((np.arange(12) + 0.5) / 12)
-    off = np.array([np.interp((1 + shift) * x, x, y) - y for shift in shifts])
-    return off.T @ off / len(shifts) * matern(np.abs(x[:, None] - x), np.ptp(x) / (x.size - 1))
+    shifts = MODEL.onset * student.ppf((np.arange(SHIFTS) + 0.5) / SHIFTS, MODEL.dof)
+    off = np.array([begun_later(x, y, onset, shift) - y for shift in shifts])
+    return off.T @ off / len(off) * matern(np.abs(x[:, None] - x), np.ptp(x) / (x.size - 1))
 
 
-def measured_error(grid: Averaged, y: np.ndarray, fine: np.ndarray) -> np.ndarray:
+def begun_later(x: np.ndarray, y: np.ndarray, onset: float, part: float) -> np.ndarray:
+    """A curve (m,) along ``x`` whose cut begins by a ``part`` of the way later: what is before goes on, and
+    what is behind is moved. As it is where it does not begin."""
+    if not x[1] < onset < x[-1]:
+        return y
+    before, later = x < onset, part * onset
+    last = np.flatnonzero(before)[-2:]
+    goes_on = y[last[1]] + np.ptp(y[last]) / np.ptp(x[last]) * (x - x[last[1]])
+    behind = np.interp(x - later, x[~before], y[~before])
+    return np.where(x < onset + later, np.where(before, y, goes_on), behind)
+
+
+def measured_error(grid: Averaged, y: np.ndarray, fine: np.ndarray, onset: float) -> np.ndarray:
     """Covariance (m, m) of a computed curve with ``correction`` added, on an even grid (m,)."""
-    return _measured_shape(grid, y, fine) + _onset_error(grid, fine)
+    return _measured_shape(grid, y, fine, onset) + _onset_error(grid, fine, onset)
 
 
-def _measured_shape(grid: Averaged, y: np.ndarray, fine: np.ndarray) -> np.ndarray:
+def _measured_shape(grid: Averaged, y: np.ndarray, fine: np.ndarray, onset: float) -> np.ndarray:
     if grid.independent:
         return np.diag((MODEL.unsure * (fine - y)) ** 2)
-    x = grid.along
-    e, spacing = fine - y, np.ptp(x) / (x.size - 1)
-    gentle = local_linear_smooth(x, e)
-    missing = scatter_covariance(x, np.stack([gentle, -gentle]) / np.sqrt(2), np.zeros((x.size, x.size)))
-    size = np.sqrt(2 * local_mean(x, x, (e - gentle) ** 2))  # of both meshes, and of what neither resolves
+    x, spacing = grid.along, np.ptp(grid.along) / (grid.along.size - 1)
+    gentle = _gentle(grid, fine - y, onset)
+    missing = np.outer(gentle, gentle) * matern(np.abs(x[:, None] - x), np.ptp(x) / 3)
+    jags = _on_each_side(grid, (fine - y - gentle) ** 2, onset, lambda x, values: local_mean(x, x, values))
+    size = np.sqrt(2 * jags)  # of both meshes, and of what neither resolves
     rough = size[:, None] * size * matern(np.abs(x[:, None] - x), MODEL.length * spacing)
-    return MODEL.unsure**2 * missing + rough + np.diag(roughness_variance(x, e) + roughness_variance(x, y))
+    white = _on_each_side(grid, fine - y, onset, roughness_variance) + _on_each_side(
+        grid, y, onset, roughness_variance
+    )
+    return MODEL.unsure**2 * missing + rough + np.diag(white)
 
 
-def correction(grid: Averaged, y: np.ndarray, fine: np.ndarray) -> np.ndarray:
+def correction(grid: Averaged, y: np.ndarray, fine: np.ndarray, onset: float) -> np.ndarray:
     """What (m,) brings a computed curve nearer to the limit of fine meshes."""
     if grid.independent:
         return MODEL.added * (fine - y)
-    x = grid.along
-    gentle = local_linear_smooth(x, fine - y)
+    gentle = _gentle(grid, fine - y, onset)
     return MODEL.added * gentle + (fine - y - gentle)
+
+
+def _gentle(grid: Averaged, e: np.ndarray, onset: float) -> np.ndarray:
+    """The smooth part of ``e`` (m,)."""
+    return _on_each_side(grid, e, onset, local_linear_smooth)
+
+
+def _on_each_side(
+    grid: Averaged, values: np.ndarray, onset: float, smooth: Callable[[np.ndarray, np.ndarray], np.ndarray]
+) -> np.ndarray:
+    """``values`` (m,) made smooth before a cut begins and behind it, so that neither errs by the other."""
+    before, found = _before(grid, onset), np.abs(values)
+    for side in (before, ~before):
+        if side.sum() > FEWEST:
+            found[side] = smooth(grid.along[side], values[side])
+    return found
 
 
 def local_linear_smooth(x: np.ndarray, e: np.ndarray) -> np.ndarray:

@@ -63,7 +63,7 @@ class LinearFields:
 @dataclass(frozen=True)
 class MeshError:
     """Of one cut: what is added to the computed curve (m,), the covariance (m, m) of what is missing, what
-    finer numerics change (m,), and how large that is beside a guess.
+    finer numerics change (m,), and how large that is beside a guess, before the cut begins and behind it.
 
     All but the last hold where they were measured: elsewhere a cut begins at another place.
     """
@@ -71,7 +71,7 @@ class MeshError:
     shift: np.ndarray
     covariance: np.ndarray
     change: np.ndarray
-    size: float = 1.0
+    sizes: tuple[float, float] = (1.0, 1.0)
 
 
 @dataclass(frozen=True)
@@ -180,7 +180,7 @@ class Posterior:
             mine = self.parameter_numbers[e.id] if differentiate else []
             names = tuple(dict.fromkeys(self.parameters[k].name for k in mine))
             p = self.predicted(e, self.values(e, q), names, sure)
-            mesh = self.mesh_error(e, p.y)
+            mesh = self.mesh_error(e, p.y, p.onset_mm)
             y[e.id], onset[e.id] = p.y + mesh.shift, p.onset_mm
             error[e.id] = p.root @ p.root.T + mesh.covariance
             residual[e.id] = y[e.id] - self.predictions.grids[e.id].mean
@@ -203,13 +203,17 @@ class Posterior:
             raise ComputationFailed(f"'{e.id}': what is predicted makes no sense")
         return p
 
-    def mesh_error(self, e: Experiment, y: np.ndarray) -> MeshError:
-        """What is known of the mesh's error, or guessed before it was measured; none of what has no mesh."""
+    def mesh_error(self, e: Experiment, y: np.ndarray, onset_mm: float) -> MeshError:
+        """What is known of the mesh's error of a curve ``y`` (m,) that begins at ``onset_mm``, or guessed
+        before it was measured; none of what has no mesh."""
         if self.local_mesh_error and e.id in self.mesh:
             return self.mesh[e.id]
         if self.predictions.needs_runs(e):
-            size = self.mesh[e.id].size if e.id in self.mesh else 1.0
-            guess = guessed_error(self.predictions.grids[e.id], y, size)
+            onset_mm = (
+                0.0 if self.predictions.has_motion(e) else onset_mm
+            )  # what goes to and fro has no two parts
+            sizes = self.mesh[e.id].sizes if e.id in self.mesh else (1.0, 1.0)
+            guess = guessed_error(self.predictions.grids[e.id], y, onset_mm, sizes)
             return MeshError(np.zeros(y.size), guess, np.zeros(y.size))
         return MeshError(np.zeros(y.size), np.zeros((y.size, y.size)), np.zeros(y.size))
 

@@ -217,8 +217,11 @@ class CutEmulator(Emulator):
         return self.curves.root(self._places([values])[0]) * self._units([values])[0]
 
     def onset_mm(self, values: Mapping[str, float]) -> float:
-        """Predict where the cut begins. Raises OutOfRange."""
-        return float(self.curves.onset(self._places([values]))[0] * self.groups.length(values))
+        """Where the cut begins, as it was computed or else predicted. Raises OutOfRange."""
+        places = self._places([values])
+        run = self.curves.computed(places[0])
+        onset = self.curves.onset(places)[0] if run is None or math.isnan(run.onset) else run.onset
+        return float(onset * self.groups.length(values))
 
     def _places(self, each: Sequence[Mapping[str, float]]) -> np.ndarray:
         reduced = [self._reduced(values) for values in each]
