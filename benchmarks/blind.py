@@ -138,10 +138,11 @@ def searched(
             on_progress=on_progress, by_atlas=by_atlas,
             runs=stand_in and CutRuns(TaskPool(0), compute=stand_in),
         )  # fmt: skip
-        said = {**judge(truth, Answer.of(d)), "ended": d.stopped}
+        missed = d.steps[0].significant if d.steps else None
+        said = {**judge(truth, Answer.of(d)), "missed": missed, "ended": d.stopped}
     except ComputationFailed as error:
         nothing = Answer("undecided", (), (), None, {}, {}, {})
-        said = {**judge(truth, nothing), "ended": str(error)}
+        said = {**judge(truth, nothing), "missed": None, "ended": str(error)}
     return {
         **about, **said, "seconds": time.perf_counter() - began, "cpu_s": sum(os.times()[:4]) - cpu,
         "runs": stand_in.count if stand_in else len(list(folder.glob("??/*"))),
@@ -154,6 +155,7 @@ def summary(rows: Sequence[Mapping]) -> dict[str, str]:
     by = {sort: [r for r in rows if r["sort"] == sort] for sort in ("none", "one", "two", "alien")}
     seen = [r for r in by["one"] if r["misfit"] >= SHOWN[0]]
     sure = [r for r in seen if r["shown"] >= SURE]
+    missed = [r for r in seen if r["missed"]]
     hidden = [r for r in seen if r["shown"] < SURE] + [r for r in by["one"] if r["misfit"] < SHOWN[0]]
     two = [r for r in by["two"] if r["misfit"] >= SHOWN[0]]
     stated = [r for r in rows if r["stated_gain"] is not None and r["measured_gain"] is not None]
@@ -168,6 +170,9 @@ def summary(rows: Sequence[Mapping]) -> dict[str, str]:
     return {
         "one cause: the right class first or in its group": part(seen, lambda r: r["right"]),
         f"the same, where it leaves more than {SURE:g} standard deviations": part(sure, lambda r: r["right"]),
+        "the same, where the fitted baseline misses more than chance makes": part(
+            missed, lambda r: r["right"]
+        ),
         "right or nothing named, where it leaves less": part(hidden, lambda r: r["right"] or not r["found"]),
         "a class named that is not there": part(rows, lambda r: r["wrong"]),
         "nothing hidden: nothing named": part(by["none"], lambda r: r["right"]),

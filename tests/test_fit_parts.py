@@ -9,7 +9,13 @@ import pytest
 
 from cutbench.base.units import Parameter
 from cutbench.calibration.identifiability import identifiability, information_inverse
-from cutbench.calibration.mesh_error import correction, guessed_error, local_linear_smooth, measured_error
+from cutbench.calibration.mesh_error import (
+    begun_later,
+    correction,
+    guessed_error,
+    local_linear_smooth,
+    measured_error,
+)
 from cutbench.calibration.parameters import FreeParameter
 from cutbench.data.covariance import USUAL_FACTOR, Block, Covariance, Factors, matern, with_discrepancy
 from cutbench.data.repetition import Averaged
@@ -195,3 +201,31 @@ def test_a_cut_that_begins_a_hundredth_elsewhere_is_no_other_curve(by):
         later = -by * begins
         off = np.where(x < begins + later, x, curve(x - later)) - y
         assert off @ np.linalg.solve(guessed_error(grid, y, begins, (1.0, 0.2)), off) < x.size
+
+
+@pytest.mark.parametrize("later", [-0.02, 0.0, 0.02])
+def test_where_a_cut_begins_elsewhere_the_way_before_is_as_it_was(later):
+    x = np.linspace(0.1, 5.0, 400)
+
+    def curve(begins):
+        return np.where(x < begins, 2 * x, 3.6 - 0.1 * (x - begins))
+
+    np.testing.assert_allclose(begun_later(x, curve(3.0), 3.0, later), curve(3.0 * (1 + later)), atol=1e-2)
+    np.testing.assert_array_equal(begun_later(x, curve(9.0), 9.0, later), curve(9.0))
+
+
+def test_a_drop_that_is_far_off_costs_by_the_way_and_not_by_its_depth():
+    """Student's t: five standard deviations cost no more than they may, however steep the drop."""
+    x = np.linspace(0.1, 5.0, 40)
+
+    def curve(begins, depth):
+        return np.where(x < begins, x, (1 - depth) * begins)
+
+    for depth in (0.2, 0.4, 0.8):
+        y = curve(3.0, depth)
+        grid, off = Averaged(x, y, 0 * x, 0 * x, y[None]), curve(3.0 * 1.06, depth) - y
+        error = guessed_error(grid, y, 3.0)
+        assert 2 < off @ np.linalg.solve(error, off) < 60
+        # Before it begins the forces are known.
+        sd = np.sqrt(np.diag(error)) / y
+        assert sd[x < 2.5].max() < 0.02 < sd[x > 3.3].min()

@@ -94,7 +94,7 @@ class ComparedModel:
             found.append(f"chance alone gains as much in {100 * self.p:.2g} % of such data")
         if self.evidence <= 0:
             found.append("the evidence is for the model without it")
-        elif self.fitted.posterior.predictions.by_atlas and self.evidence <= self.evidence_sd:
+        elif self.evidence <= self.evidence_sd:
             found.append("the error of what is predicted may make as much evidence")
         if self.significant and self.explained_variance < SETTINGS.share:
             found.append(f"it explains {100 * max(self.explained_variance, 0):.0f} % of what is missed")
@@ -451,7 +451,7 @@ def _fitted_within_box(null: Estimated, s: Score) -> Estimated | None:
         half[null.q.size :] = np.maximum(np.abs(q - posterior.prior_means)[null.q.size :], 1e-3)
         middle = np.append(np.zeros(null.q.size), posterior.prior_means[null.q.size :])
         low, high = (np.clip(middle + side * half, *posterior.bounds) for side in (-1, 1))
-        return best_maximum(posterior, best_places(posterior, q, low, high)[: SETTINGS.computed])
+        return posterior.maximum(best_places(posterior, q, low, high)[0])
     except _FAILURES:
         return None
 
@@ -460,8 +460,8 @@ def _fitted_from_score(null: Estimated, s: Score) -> Estimated | None:
     """The model with a candidate from a score's step, and from parts of it where a law may lock before."""
     best: Estimated | None = None
     # A formula may lock before; a cut may not, and costs more.
-    quick = bool(null.posterior.cuts) or not s.sensitivity.candidate.shapes
-    for part in STEP_FRACTIONS:
+    cuts = bool(null.posterior.cuts)
+    for part in STEP_FRACTIONS[: 1 if cuts or s.sensitivity.candidate.shapes else None]:
         try:
             posterior, q = _extended_posterior(null, replace(s, strengths=part * s.strengths))
             # What the emulator says of a model is enough to rank it; cuts are computed for the best.
@@ -472,8 +472,6 @@ def _fitted_from_score(null: Estimated, s: Score) -> Estimated | None:
             continue
         if best is None or found.log_posterior > best.log_posterior:
             best = found
-        if not quick:
-            break
     return best
 
 
