@@ -27,7 +27,7 @@ STATEMENTS = {
     "data": 2849,
     "homogeneous": 508,
     "calibration": 1705,
-    "discovery": 1524,
+    "discovery": 1525,
     "app": 1129,
     "cli": 1124,
     "top": 61,

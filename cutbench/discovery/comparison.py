@@ -308,7 +308,9 @@ def comparison_round(null: Estimated, seed: int, on_progress: OnProgress = silen
         if runs:
             plain = _by_emulator_alone(null, compared)
             if (better := _refit_null_model(null, [plain.q])) is not None:
-                null, sensed = better, sensitivities(better, chosen)
+                # What laws would change first is much the same there, and takes runs of minutes.
+                null, inside = better, better.posterior.inside(better.q)
+                sensed = replace(sensed, y=null.at.y, J={id: J * inside for id, J in null.at.J.items()})
                 scores = score(sensed, null.w.noise, null.at.residual, seed=seed)
                 plain = _by_emulator_alone(null, compared)
             # What the emulator says of models it says of all of them, with its error in each.
