@@ -18,7 +18,7 @@ from scipy.optimize import least_squares
 from scipy.stats import qmc
 
 from cutbench.base.errors import ComputationFailed
-from cutbench.base.progress import OnProgress, Until, silent
+from cutbench.base.progress import ALWAYS, OnProgress, silent
 from cutbench.calibration import mesh_error
 from cutbench.calibration.cut_runs import CutRuns
 from cutbench.calibration.identifiability import identifiable
@@ -352,7 +352,7 @@ def best_known(posterior: Posterior, best: Estimated | None) -> Estimated | None
     """What the cuts that were computed say once a search was stopped: ``best``, or a place that the emulator
     has as likelier. No cut is computed."""
     runs, before = posterior.predictions.runs, posterior.predictions.runs.check
-    runs.check = Until(0.0)
+    runs.check = ALWAYS
     try:
         q, low, high = _search_box(posterior, np.zeros(len(posterior.parameters)))
         likely = posterior.maximum(best_places(posterior, q, low, high)[0])

@@ -185,13 +185,13 @@ class Predictions:
     ) -> Predicted:
         """What a test reads, with its error or as if it were ``sure``. Raises NotComputed,
         ComputationFailed."""
+        self.runs.check()
         if e.id in self._cuts:
             try:
                 return self._cut(e, values, names, sure)
             except OutOfRange as error:
                 # A run there would tell, but where the atlas ends there is none.
                 raise (ComputationFailed if self.by_atlas else NotComputed)(str(error)) from error
-        self.runs.check()
         case = self.case(e, values)
         try:
             y, by = slopes(e, case.model, case.p, tuple(names), self.grids[e.id])
