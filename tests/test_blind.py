@@ -290,9 +290,10 @@ def test_true_values_are_asked_where_nothing_is_hidden():
 
 
 def test_the_table_counts_what_could_be_seen():
-    row = {"sort": "one", "misfit": 9.0, "shown": 50.0, "missed": True, "right": True, "wrong": [], "found": ["gent"],
-           "both": False, "stated_gain": 0.5, "stated_between": [0.3, 0.6], "measured_gain": 0.7, "ended": "",
-           "runs": 0, "seconds": 1.0, "cpu_s": 1.0, "values": {}}  # fmt: skip
+    row = {"sort": "one", "misfit": 9.0, "shown": 50.0, "missed": True, "right": True, "wrong": [],
+           "found": ["gent"], "both": False, "stated_gain": 0.5, "stated_between": [0.3, 0.6],
+           "measured_gain": 0.7, "ended": "", "runs": 0, "seconds": 1.0, "cpu_s": 1.0,
+           "values": {}}  # fmt: skip
     rows = [row, {**row, "right": False, "wrong": ["machine"]}, {**row, "misfit": 0.5, "right": False},
             {**row, "shown": 1.0, "found": [], "right": False}, {**row, "sort": "two", "both": True},
             {**row, "sort": "none", "ended": "out of time",

@@ -15,6 +15,7 @@ from cutbench.calibration.mesh_error import (
     guessed_error,
     local_linear_smooth,
     measured_error,
+    sizes_of_error,
 )
 from cutbench.calibration.parameters import FreeParameter
 from cutbench.data.covariance import USUAL_FACTOR, Block, Covariance, Factors, matern, with_discrepancy
@@ -210,8 +211,25 @@ def test_where_a_cut_begins_elsewhere_the_way_before_is_as_it_was(later):
     def curve(begins):
         return np.where(x < begins, 2 * x, 3.6 - 0.1 * (x - begins))
 
-    np.testing.assert_allclose(begun_later(x, curve(3.0), 3.0, later), curve(3.0 * (1 + later)), atol=1e-2)
-    np.testing.assert_array_equal(begun_later(x, curve(9.0), 9.0, later), curve(9.0))
+    def moved(begins):
+        return begun_later(Averaged(x, x, 0 * x, 0 * x, x[None]), curve(begins), begins, later)
+
+    np.testing.assert_allclose(moved(3.0), curve(3.0 * (1 + later)), atol=1e-2)
+    np.testing.assert_array_equal(moved(9.0), curve(9.0))
+
+
+@pytest.mark.parametrize("values", [1, 3, 8])
+@pytest.mark.parametrize("by", [-0.03, 0.03])
+def test_few_readings_behind_where_a_cut_begins_err_as_many_do(values, by):
+    """A finer mesh that has less force behind has less, and the error is of the size of that."""
+    x = np.linspace(0.1, 5.0, 40)
+    begins = x[-values] - 0.01
+    coarse = np.where(x < begins, x, 0.6 * begins)
+    fine, grid = np.where(x < begins, coarse, (1 + by) * coarse), Averaged(x, x, 0 * x, 0 * x, x[None])
+    added = correction(grid, coarse, fine, begins) / coarse
+    np.testing.assert_allclose(added, np.where(x < begins, 0.0, 1.5 * by), atol=1e-9)
+    _, behind = sizes_of_error(grid, coarse, fine, begins)
+    assert 0.2 < behind < 0.6  # 0.7 of 3 %, over 5 %
 
 
 def test_a_drop_that_is_far_off_costs_by_the_way_and_not_by_its_depth():

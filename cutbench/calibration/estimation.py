@@ -14,7 +14,6 @@ from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
-from scipy.optimize import least_squares
 from scipy.stats import qmc
 
 from cutbench.base.errors import ComputationFailed
@@ -23,7 +22,14 @@ from cutbench.calibration import mesh_error
 from cutbench.calibration.cut_runs import CutRuns
 from cutbench.calibration.identifiability import identifiable
 from cutbench.calibration.mesh_error import field_block
-from cutbench.calibration.posterior import MAX_STEPS, Estimated, LinearFields, MeshError, Posterior
+from cutbench.calibration.posterior import (
+    AT_BOUND,
+    Estimated,
+    LinearFields,
+    MeshError,
+    Posterior,
+    least_squares_fit,
+)
 from cutbench.calibration.prediction import MAX_SLOPE, NotComputed
 from cutbench.calibration.settings import SETTINGS
 from cutbench.data.covariance import USUAL_SHAPE, Covariance
@@ -159,12 +165,12 @@ def successive_estimates(
         still = np.all(np.abs(found.q - best.q) < STATIONARY * np.sqrt(np.diag(best.covariance)))
         gained = found.log_posterior - evaluated_at(about, best.q).log_posterior
         # A run jags about what is promised: held against it is what the emulator has learnt there.
-        smooth = replace(posterior, predictions=posterior.predictions.smooth)
-        here, at_best = (evaluated_at(smooth, x, sure=True).log_posterior for x in (there.q, best.q))
-        kept = here > promised - SETTINGS.undecided
+        smooth = posterior.smooth
+        kept = evaluated_at(smooth, there.q, sure=True).log_posterior > promised - SETTINGS.undecided
         if start is None:  # whoever is near a wrong maximum is as sure of nothing as of how far it is off
             other = best_maximum(posterior, best_places(posterior, best.q, low, high))
-            if evaluated_at(smooth, other.q, sure=True).log_posterior > at_best + SETTINGS.undecided:
+            worth = [evaluated_at(smooth, x, sure=True).log_posterior for x in (other.q, best.q)]
+            if worth[0] > worth[1] + SETTINGS.undecided:
                 found, kept = other, False
         if settled := kept and (bool(still) or gained < SETTINGS.gained):
             break
@@ -204,8 +210,7 @@ def _without_runs(
 def _surrogate_about(best: Estimated) -> Posterior:
     """The posterior as the emulator has it, made to agree with the cuts that were computed at a place: they
     jag, and what is near is smooth."""
-    post, mesh = best.posterior, dict(best.posterior.mesh)
-    smooth = replace(post, predictions=post.predictions.smooth)
+    post, smooth, mesh = best.posterior, best.posterior.smooth, dict(best.posterior.mesh)
     at = smooth.evaluate(best.q, post.tests_with_runs, differentiate=False)
     for e in post.tests_with_runs:
         known = post.mesh_error(e, at.y[e.id], at.onset_mm[e.id])
@@ -371,19 +376,9 @@ def best_places(posterior: Posterior, q: np.ndarray, low: np.ndarray, high: np.n
     """
     rows = low + (high - low) * qmc.Sobol(q.size, seed=0).random(PLACES)
     worth = [float(np.sum(_off_by_work(posterior, row, False)[0] ** 2)) for row in rows]
-    found = []
-    for i in np.argsort(worth)[:STARTS]:
-        known: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
-
-        def off(x: np.ndarray, known: dict = known) -> tuple[np.ndarray, np.ndarray]:
-            if x.tobytes() not in known:
-                known[x.tobytes()] = _off_by_work(posterior, x)
-            return known[x.tobytes()]
-
-        found.append(least_squares(
-            lambda x, off=off: off(x)[0], rows[i], lambda x, off=off: off(x)[1], bounds=(low, high),
-            x_scale="jac", max_nfev=MAX_STEPS,
-        ))  # fmt: skip
+    high = np.maximum(high, low + AT_BOUND)  # a box may have no room between bounds
+    best = [rows[i] for i in np.argsort(worth)[:STARTS]]
+    found = [least_squares_fit(lambda x: _off_by_work(posterior, x), q, low, high) for q in best]
     return [each.x for each in sorted(found, key=lambda each: each.cost)]
 
 
@@ -422,7 +417,7 @@ def _with_mesh_error(posterior: Posterior, cuts: Sequence[Experiment], found: Es
         y, exact = p.read(e, values, plain.course), p.read(e, values, better.course)
         # Where the cut begins has an error of its own.
         same = p.read(e, values, mesh_error.aligned(better, plain))
-        onset = 0.0 if p.has_motion(e) else plain.onset_mm
+        onset = p.parts_meet_mm(e, plain.onset_mm)
         shift = mesh_error.correction(grid, y, same, onset)
         error = mesh_error.measured_error(grid, y, same, onset)
         sizes = mesh_error.sizes_of_error(grid, y, same, onset)

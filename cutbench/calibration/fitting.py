@@ -563,7 +563,7 @@ def _sampling_covariance(best: Estimated) -> tuple[np.ndarray, np.ndarray]:
     cuts, where they begin, is no scatter.
     """
     V, dof, w = best.covariance, _degrees_of_freedom(best), best.w
-    noise_alone = best.posterior.noise(best.at)
+    noise_alone, p = best.posterior.noise(best.at), best.posterior.predictions
     total, between, expected, common = V.copy(), np.zeros(len(V)), np.zeros(len(V)), np.zeros(len(V))
     for id, block in w.tests.items():
         residual, J = best.at.residual[id], best.at.J[id]
@@ -574,9 +574,9 @@ def _sampling_covariance(best: Estimated) -> tuple[np.ndarray, np.ndarray]:
         if likely is not tried[0] and np.any(block.discrepancy):
             size = likely.tried[likely.gains(residual[:, None])[:, 0].argmax()]
             total += gain @ (likely.covariance(size) - block.discrepancy) @ gain.T
-        if best.posterior.predictions.needs_runs(best.posterior.predictions.campaign.experiment(id)):
-            y, onset = best.at.y[id], best.at.onset_mm[id]
-            common += gain @ (begun_later(w.grids[id].along, y, onset, MODEL.common) - y)
+        if p.needs_runs(e := p.campaign.experiment(id)):
+            y, meet = best.at.y[id], p.parts_meet_mm(e, best.at.onset_mm[id])
+            common += gain @ (begun_later(w.grids[id], y, meet, MODEL.common) - y)
         H = gain @ J
         between += (gain @ residual) ** 2
         expected += np.diag(H @ V - 2 * H @ H @ V + H @ V @ H.T)

@@ -46,8 +46,7 @@ class ErrorModel:
         Error behind where a cut begins before it has been measured, as a part of the curve: of its smooth
         part, and of its roughness.
     before : float
-        The same part of both before a cut begins, where nothing but the bulk and a contact is computed: by
-        0.1 to 0.4 % forces change there under refinement, and with other cohesive shapes.
+        The same before a cut begins, where nothing but the bulk and a contact is computed, over that behind.
     onset, dof, common : float
         Where a cut begins moves by such a part of the way from run to run, as Student's t with ``dof``: a
         steep drop elsewhere costs by how far that is, not by how deep it is. With finer numerics it moves by
@@ -68,7 +67,7 @@ class ErrorModel:
 
 
 MODEL = ErrorModel()
-#: A side of so few values is as it is.
+#: A side of so few values has no smooth part and no roughness.
 FEWEST = 5
 #: So many places where a cut may begin stand for their distribution.
 SHIFTS = 24
@@ -106,9 +105,8 @@ def aligned(run: ComputedCut, other: ComputedCut) -> np.ndarray:
     if not math.isfinite(later) or np.any(np.diff(x) < 0):
         return run.course
     after = x >= run.onset_mm
-    moved = np.where(
-        after, run.course + np.array([[later], [0], [later * run.course[2, -1] / x[-1]]]), run.course
-    )
+    shift = np.array([[later], [0.0], [later * run.course[2, -1] / x[-1]]])
+    moved = np.where(after, run.course + shift, run.course)
     return moved[:, after | (x < other.onset_mm)]
 
 
@@ -121,20 +119,17 @@ def guessed_error(
 
 
 def sizes_of_error(grid: Averaged, y: np.ndarray, fine: np.ndarray, onset: float) -> tuple[float, float]:
-    """How large a measured error usually is beside a guess, before the cut begins and behind it; of a place
-    that has no values, as in the other."""
-    ratio = np.diag(_measured_shape(grid, y, fine, onset)) / np.diag(
-        _guessed_shape(grid, y, onset, (1.0, 1.0))
-    )
-    before = _before(grid, onset)
-    parts = [ratio[where] if where.any() else ratio for where in (before, ~before)]
-    own, behind = (math.sqrt(np.median(part)) for part in parts)
+    """How large a measured error usually is beside a guess: before the cut begins, never smaller, and behind
+    it. A side that has no values is as the other."""
+    measured, guessed = _measured_shape(grid, y, fine, onset), _guessed_shape(grid, y, onset, (1.0, 1.0))
+    ratio, before = np.diag(measured) / np.diag(guessed), _before(grid, onset)
+    own, behind = (math.sqrt(np.median(ratio[side] if side.any() else ratio)) for side in (before, ~before))
     return max(own, 1.0), behind
 
 
 def _before(grid: Averaged, onset: float) -> np.ndarray:
-    """Which values (m,) are before the cut begins."""
-    return np.full(grid.along.size, True) if math.isnan(onset) else grid.along < onset
+    """Which values (m,) are before the cut begins; of measures none."""
+    return ((grid.along < onset) | math.isnan(onset)) & (not grid.independent)
 
 
 def _guessed_shape(grid: Averaged, y: np.ndarray, onset: float, sizes: tuple[float, float]) -> np.ndarray:
@@ -152,22 +147,19 @@ def _guessed_shape(grid: Averaged, y: np.ndarray, onset: float, sizes: tuple[flo
 def _onset_error(grid: Averaged, y: np.ndarray, onset: float) -> np.ndarray:
     """Covariance (m, m) of a curve whose cut begins earlier or later: a steep drop has between two values of
     the grid what shape it has."""
-    if grid.independent:
-        return np.zeros((y.size, y.size))
-    x = grid.along
     shifts = MODEL.onset * student.ppf((np.arange(SHIFTS) + 0.5) / SHIFTS, MODEL.dof)
-    off = np.array([begun_later(x, y, onset, shift) - y for shift in shifts])
-    return off.T @ off / len(off) * matern(np.abs(x[:, None] - x), np.ptp(x) / (x.size - 1))
+    off, x = np.array([begun_later(grid, y, onset, shift) - y for shift in shifts]), grid.along
+    return off.T @ off / SHIFTS * matern(np.abs(x[:, None] - x), np.ptp(x) / (x.size - 1))
 
 
-def begun_later(x: np.ndarray, y: np.ndarray, onset: float, part: float) -> np.ndarray:
-    """A curve (m,) along ``x`` whose cut begins by a ``part`` of the way later: what is before goes on, and
-    what is behind is moved. As it is where it does not begin."""
-    if not x[1] < onset < x[-1]:
+def begun_later(grid: Averaged, y: np.ndarray, onset: float, part: float) -> np.ndarray:
+    """A curve (m,) whose cut begins by a ``part`` of the way later: what is before goes on, what is behind is
+    moved. As it is where it does not begin, and where it is measures."""
+    x, before = grid.along, _before(grid, onset)
+    if before.sum() < 2 or before.all():
         return y
-    before, later = x < onset, part * onset
-    last = np.flatnonzero(before)[-2:]
-    goes_on = y[last[1]] + np.ptp(y[last]) / np.ptp(x[last]) * (x - x[last[1]])
+    later, (a, b) = part * onset, np.flatnonzero(before)[-2:]
+    goes_on = y[b] + (y[b] - y[a]) / (x[b] - x[a]) * (x - x[b])
     behind = np.interp(x - later, x[~before], y[~before])
     return np.where(x < onset + later, np.where(before, y, goes_on), behind)
 
@@ -181,14 +173,12 @@ def _measured_shape(grid: Averaged, y: np.ndarray, fine: np.ndarray, onset: floa
     if grid.independent:
         return np.diag((MODEL.unsure * (fine - y)) ** 2)
     x, spacing = grid.along, np.ptp(grid.along) / (grid.along.size - 1)
-    gentle = _gentle(grid, fine - y, onset)
+    gentle, none = _gentle(grid, fine - y, onset), np.zeros(y.size)
     missing = np.outer(gentle, gentle) * matern(np.abs(x[:, None] - x), np.ptp(x) / 3)
-    jags = _on_each_side(grid, (fine - y - gentle) ** 2, onset, lambda x, values: local_mean(x, x, values))
+    jags = _on_each_side(grid, (fine - y - gentle) ** 2, onset, lambda x, e: local_mean(x, x, e), none)
     size = np.sqrt(2 * jags)  # of both meshes, and of what neither resolves
     rough = size[:, None] * size * matern(np.abs(x[:, None] - x), MODEL.length * spacing)
-    white = _on_each_side(grid, fine - y, onset, roughness_variance) + _on_each_side(
-        grid, y, onset, roughness_variance
-    )
+    white = sum(_on_each_side(grid, each, onset, roughness_variance, none) for each in (fine - y, y))
     return MODEL.unsure**2 * missing + rough + np.diag(white)
 
 
@@ -201,18 +191,23 @@ def correction(grid: Averaged, y: np.ndarray, fine: np.ndarray, onset: float) ->
 
 
 def _gentle(grid: Averaged, e: np.ndarray, onset: float) -> np.ndarray:
-    """The smooth part of ``e`` (m,)."""
-    return _on_each_side(grid, e, onset, local_linear_smooth)
+    """The smooth part of ``e`` (m,); all of it where it has few values."""
+    return _on_each_side(grid, e, onset, local_linear_smooth, e)
 
 
 def _on_each_side(
-    grid: Averaged, values: np.ndarray, onset: float, smooth: Callable[[np.ndarray, np.ndarray], np.ndarray]
+    grid: Averaged,
+    values: np.ndarray,
+    onset: float,
+    of: Callable[[np.ndarray, np.ndarray], np.ndarray],
+    few: np.ndarray,
 ) -> np.ndarray:
-    """``values`` (m,) made smooth before a cut begins and behind it, so that neither errs by the other."""
-    before, found = _before(grid, onset), np.abs(values)
+    """What ``of`` makes of ``values`` (m,) before a cut begins and behind it, so that neither errs by the
+    other; ``few`` (m,) where a side has too few values."""
+    before, found = _before(grid, onset), few.copy()
     for side in (before, ~before):
         if side.sum() > FEWEST:
-            found[side] = smooth(grid.along[side], values[side])
+            found[side] = of(grid.along[side], values[side])
     return found
 
 

@@ -10,12 +10,12 @@ Laplace's (Kass & Raftery 1995, 10.1080/01621459.1995.10476572).
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.optimize import least_squares
+from scipy.optimize import OptimizeResult, least_squares
 
 from cutbench.base.errors import ComputationFailed
 from cutbench.calibration.mesh_error import guessed_error
@@ -110,6 +110,11 @@ class Posterior:
         """Of a baseline, whose parameters may be anything beforehand."""
         sds = SETTINGS.broad * np.array([u.spread for u in parameters])
         return cls(predictions, tuple(parameters), sds, np.zeros(len(parameters)))
+
+    @property
+    def smooth(self) -> Posterior:
+        """The same by the emulator alone, also where cuts were computed."""
+        return replace(self, predictions=self.predictions.smooth)
 
     @property
     def tests(self) -> tuple[Experiment, ...]:
@@ -209,11 +214,9 @@ class Posterior:
         if self.local_mesh_error and e.id in self.mesh:
             return self.mesh[e.id]
         if self.predictions.needs_runs(e):
-            onset_mm = (
-                0.0 if self.predictions.has_motion(e) else onset_mm
-            )  # what goes to and fro has no two parts
+            meet = self.predictions.parts_meet_mm(e, onset_mm)
             sizes = self.mesh[e.id].sizes if e.id in self.mesh else (1.0, 1.0)
-            guess = guessed_error(self.predictions.grids[e.id], y, onset_mm, sizes)
+            guess = guessed_error(self.predictions.grids[e.id], y, meet, sizes)
             return MeshError(np.zeros(y.size), guess, np.zeros(y.size))
         return MeshError(np.zeros(y.size), np.zeros((y.size, y.size)), np.zeros(y.size))
 
@@ -257,13 +260,6 @@ class Posterior:
         NotComputed, ComputationFailed."""
         low, high = self.bounds
         low, high = np.maximum(low, q - reach), np.minimum(high, q + reach)
-        known: dict[bytes, Evaluated] = {}
-
-        def evaluated(x: np.ndarray) -> Evaluated:
-            if x.tobytes() not in known:  # one covariance holds for many places, so none asks for errors
-                known[x.tobytes()] = self.evaluate(x, sure=True)
-            return known[x.tobytes()]
-
         at = self.evaluate(_strictly_within(np.clip(q, low, high), low, high))
         size = (
             sum(y.size for y in at.y.values()) + sum(f.residual.size for f in self.fields.values()) + q.size
@@ -274,15 +270,12 @@ class Posterior:
             w, before = last.w, last.q
 
             def white(x: np.ndarray, w: Covariance = w) -> tuple[np.ndarray, np.ndarray]:
-                try:
-                    return self.whitened(evaluated(x), w)
+                try:  # one covariance holds for many places, so none asks for errors
+                    return self.whitened(self.evaluate(x, sure=True), w)
                 except ComputationFailed:  # no answer there: as bad as can be
                     return np.full(size, 1e3), np.zeros((size, x.size))
 
-            found = least_squares(
-                lambda x: white(x)[0], before, lambda x: white(x)[1], bounds=(low, high), x_scale="jac",
-                max_nfev=MAX_STEPS, xtol=1e-4, ftol=1e-4,
-            )  # fmt: skip
+            found = least_squares_fit(white, before, low, high)
             at = self.evaluate(_strictly_within(found.x, low, high))
             precision = np.linalg.norm(self.whitened(at, w)[1], axis=0)
             last = Estimated(self, at, self.covariance(at))
@@ -293,6 +286,27 @@ class Posterior:
             if (self.cuts and in_vain > 1) or np.all(np.abs(at.q - before) * precision <= STATIONARY):
                 return best
         return replace(best, settled=False)
+
+
+def least_squares_fit(
+    off: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]],
+    q: np.ndarray,
+    low: np.ndarray,
+    high: np.ndarray,
+) -> OptimizeResult:
+    """Where residuals are least, from ``q`` (k,) between two ends; ``off`` gives them with their
+    derivatives."""
+    known: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
+
+    def both(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        if x.tobytes() not in known:
+            known[x.tobytes()] = off(x)
+        return known[x.tobytes()]
+
+    return least_squares(
+        lambda x: both(x)[0], q, lambda x: both(x)[1], bounds=(low, high), x_scale="jac",
+        max_nfev=MAX_STEPS, xtol=1e-4, ftol=1e-4,
+    )  # fmt: skip
 
 
 def _strictly_within(q: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:

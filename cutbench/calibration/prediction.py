@@ -57,7 +57,7 @@ class Predicted:
     root : ndarray, shape (m, r)
         Root of the covariance of its error: r is 0 where it is exact.
     onset_mm : float
-        Where a cut begins; nan where it does not, and of other tests.
+        Where a cut begins; nan where it does not, of other tests, and where none asks.
     """
 
     y: np.ndarray
@@ -116,9 +116,9 @@ class Predictions:
         """Whether a test is known from runs, not from a formula."""
         return e.id in self._cuts and not self.by_atlas
 
-    def has_motion(self, e: Experiment) -> bool:
-        """Whether a cut goes other ways than down at one speed."""
-        return e.id in self._cuts and bool(self._cuts[e.id].motion)
+    def parts_meet_mm(self, e: Experiment, onset_mm: float) -> float:
+        """Where the part of a curve before its cut begins ends; what goes to and fro has no such part."""
+        return 0.0 if e.id in self._cuts and self._cuts[e.id].motion else onset_mm
 
     def thickness_mm(self, e: Experiment) -> float:
         """Of the blade of a cut; nan of another test."""
@@ -241,7 +241,9 @@ class Predictions:
         course = np.stack([travel, force, x / every["speed"]])
         all_ = {**every, **dict.fromkeys(errors, 0.0)}
         y, read = self._recorders[e.id].read(course, all_, {**by, **errors}, (*names, *errors))
-        return Predicted(y, read[:, : len(names)], read[:, len(names) :], emulator.onset_mm(every))
+        # The atlas' own error holds where a cut begins, so that none asks.
+        onset = float("nan") if sure and self.by_atlas else emulator.onset_mm(every)
+        return Predicted(y, read[:, : len(names)], read[:, len(names) :], onset)
 
     def read(self, e: Experiment, values: Mapping[str, float], course: np.ndarray) -> np.ndarray:
         """What the machine reads (m,) of a computed cut's ``course`` (3, n)."""

@@ -237,9 +237,8 @@ def comparisons(
 
 def _by_emulator_alone(null: Estimated, compared: Sequence[ComparedModel]) -> Estimated:
     """The model without a cause as the emulator has it, also where others have its parameters."""
-    smooth = replace(null.posterior, predictions=null.posterior.predictions.smooth)
     likely = sorted(compared, key=lambda c: -c.evidence)[: SETTINGS.computed]
-    return best_maximum(smooth, [null.q, *(c.fitted.q[: null.q.size] for c in likely)])
+    return best_maximum(null.posterior.smooth, [null.q, *(c.fitted.q[: null.q.size] for c in likely)])
 
 
 def _refit_null_model(null: Estimated, places: Sequence[np.ndarray]) -> Estimated | None:
@@ -462,8 +461,8 @@ def _fitted_from_score(null: Estimated, s: Score) -> Estimated | None:
     """The model with a candidate from a score's step, and from parts of it where a law may lock before."""
     best: Estimated | None = None
     # A formula may lock before; a cut may not, and costs more.
-    cuts = bool(null.posterior.cuts)
-    for part in STEP_FRACTIONS[: 1 if cuts or s.sensitivity.candidate.shapes else None]:
+    quick = not (null.posterior.cuts or s.sensitivity.candidate.shapes)
+    for part in STEP_FRACTIONS:
         try:
             posterior, q = _extended_posterior(null, replace(s, strengths=part * s.strengths))
             # What the emulator says of a model is enough to rank it; cuts are computed for the best.
@@ -474,6 +473,8 @@ def _fitted_from_score(null: Estimated, s: Score) -> Estimated | None:
             continue
         if best is None or found.log_posterior > best.log_posterior:
             best = found
+        if not quick:
+            break
     return best
 
 
