@@ -247,3 +247,12 @@ def test_a_drop_that_is_far_off_costs_by_the_way_and_not_by_its_depth():
         # Before it begins the forces are known.
         sd = np.sqrt(np.diag(error)) / y
         assert sd[x < 2.5].max() < 0.02 < sd[x > 3.3].min()
+
+
+@pytest.mark.parametrize("measures", [1, 4])
+def test_measures_have_an_error_each_and_none_of_where_a_cut_begins(measures):
+    y, along = np.linspace(1.0, 2.0, measures), np.arange(1.0, measures + 1)
+    grid = Averaged(along, y, 0 * y, 0 * y, y[None], independent=True)
+    error = guessed_error(grid, y, 2.5)
+    np.testing.assert_allclose(error, np.diag(np.diag(error)))
+    np.testing.assert_allclose(np.sqrt(np.diag(error)) / y, 0.02)

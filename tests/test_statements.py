@@ -26,7 +26,7 @@ STATEMENTS = {
     "maps": 3155,
     "data": 2849,
     "homogeneous": 508,
-    "calibration": 1700,
+    "calibration": 1702,
     "discovery": 1526,
     "app": 1129,
     "cli": 1124,

@@ -147,6 +147,8 @@ def _guessed_shape(grid: Averaged, y: np.ndarray, onset: float, sizes: tuple[flo
 def _onset_error(grid: Averaged, y: np.ndarray, onset: float) -> np.ndarray:
     """Covariance (m, m) of a curve whose cut begins earlier or later: a steep drop has between two values of
     the grid what shape it has."""
+    if grid.independent:
+        return np.zeros((y.size, y.size))
     shifts = MODEL.onset * student.ppf((np.arange(SHIFTS) + 0.5) / SHIFTS, MODEL.dof)
     off, x = np.array([begun_later(grid, y, onset, shift) - y for shift in shifts]), grid.along
     return off.T @ off / SHIFTS * matern(np.abs(x[:, None] - x), np.ptp(x) / (x.size - 1))
